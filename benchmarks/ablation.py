@@ -11,8 +11,6 @@ goes on where it stopped. ``mean`` is the mean error of the maps that are right 
 map is right, and won if only the other one is. CPU seconds are means of a map.
 """
 
-from __future__ import annotations
-
 import functools
 import json
 from pathlib import Path

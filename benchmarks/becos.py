@@ -7,8 +7,6 @@ Ways through a third shape need its faces in ``corres_comp/default_faces/NAME.np
 (Ehm et al., "Beyond complete shapes", 2025; github.com/NafieAmrani/becos-code has all of it).
 """
 
-from __future__ import annotations
-
 import functools
 import re
 from functools import cache

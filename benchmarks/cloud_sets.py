@@ -1,7 +1,5 @@
 """Sets of point clouds that are sampled from public shapes with ground truth."""
 
-from __future__ import annotations
-
 import functools
 from pathlib import Path
 

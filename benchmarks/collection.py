@@ -12,8 +12,6 @@ of descriptors of real shapes, with noise, and no forms or pictures. ``found`` i
 exact ten that the index finds. ``asked``: whether 256 files are there; ``committed``: 64 shapes.
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import os

@@ -12,8 +12,6 @@ and of the area whose error is below, and Spearman's rank correlation with the e
 within maps (mean) and over all vertices of the set.
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

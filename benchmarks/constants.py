@@ -10,8 +10,6 @@ constant as it is too, the mean error, and how many times the mean error with th
 that makes; last the times of processors' seconds.
 """
 
-from __future__ import annotations
-
 import functools
 import importlib
 from pathlib import Path

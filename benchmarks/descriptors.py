@@ -21,8 +21,6 @@ of one thread for a shape of 5,000 vertices, eigenpairs included where a descrip
 Names choose rows.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -4,8 +4,6 @@ Ours and the peer run in turn in one process, so that a busy machine slows both;
 compared. Run with ``make bench``; ``--large`` adds a million vertices, ``--quick`` is a smoke test.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import statistics

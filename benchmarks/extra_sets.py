@@ -1,7 +1,5 @@
 """Closed bodies of our own of which one or both have a part that the other lacks."""
 
-from __future__ import annotations
-
 import functools
 from pathlib import Path
 

@@ -21,8 +21,6 @@ are from as many as their confidences say, over ten classes of it (expected cali
 the nearest vertices, which is the least error of a map between vertices.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import functools

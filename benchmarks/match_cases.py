@@ -1,7 +1,5 @@
 """A pair of shapes with its ground truth: what a set of benchmarks/match_sets.py is made of."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple

@@ -13,8 +13,6 @@ FOLDER holds copies of public repositories under their own names:
 A set is a function of the folder, a seed and a number of pairs; it lists what draws its cases.
 """
 
-from __future__ import annotations
-
 from becos import species
 from cloud_sets import clouds
 from extra_sets import extras

@@ -10,8 +10,6 @@ true ones; ``factor``, the multiple correlation of a proportion with the scores 
 components as there are proportions, and in brackets that with the true scores.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 import warnings

@@ -1,7 +1,5 @@
 """Times of work done in turn, and of the command in a process of its own."""
 
-from __future__ import annotations
-
 import os
 import statistics
 import subprocess

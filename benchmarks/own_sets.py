@@ -1,7 +1,5 @@
 """Sets of bodies of our own, and of shapes that are damaged: cut, scanned, welded, made noisy."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Sets of parts of bodies: of one kind of body, and of two kinds, cut in ways drawn by a seed."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Work in several processes, with progress on stderr."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Callable, Sequence

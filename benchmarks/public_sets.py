@@ -1,7 +1,5 @@
 """Sets of public shapes, read from a folder that benchmarks/match_sets.py describes."""
 
-from __future__ import annotations
-
 import functools
 from pathlib import Path
 

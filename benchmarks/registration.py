@@ -13,8 +13,6 @@ fitted template, on average and at worst; ``folds`` counts edges at which it fol
 120 degrees, and the template does.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 import time

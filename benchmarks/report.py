@@ -1,7 +1,5 @@
 """The table, the plot and the README of the benchmarks."""
 
-from __future__ import annotations
-
 import datetime
 import math
 import os

@@ -1,7 +1,5 @@
 """Synthetic meshes of any size."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from unbend import Mesh

@@ -6,8 +6,6 @@ left out. On one thread times are of the processor, which other work on the mach
 on more (``--threads 2``) they are of the clock, and the machine must be quiet.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import json

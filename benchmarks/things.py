@@ -5,8 +5,6 @@ four, left as pieces that overlap; turned ware, gears, boxes and what is put tog
 exact. Sizes and directions are random. Nothing here follows a public collection's shapes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Wares with exact surfaces: turned, toothed, and put together of boxes, some of them open."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -4,8 +4,6 @@ Each page sets the paper's figures beside ours. Finished pieces are kept in OUT/
 interrupted run goes on where it stopped. Delete that folder to start anew.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Shapes of a collection on disk, and what is known of how they correspond."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

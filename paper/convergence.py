@@ -1,7 +1,5 @@
 """How many eigenfunctions and samples bring the sampled form how near to the exact one."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from paper.collection import Collection

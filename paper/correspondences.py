@@ -1,7 +1,5 @@
 """Correspondences of two shapes by each of the compared methods, and their errors."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter

@@ -1,7 +1,5 @@
 """The shapes of a run: what a folder holds, or our own made in its place."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """What the figures of shapes share: which way is up, and one colour for one point."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from paper.collection import Collection

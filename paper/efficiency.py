@@ -1,7 +1,5 @@
 """The claim "practically efficient": time and memory of the forms against vertices and samples."""
 
-from __future__ import annotations
-
 import multiprocessing
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Figure 1: shapes in several poses, and their canonical forms by both distances."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

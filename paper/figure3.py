@@ -1,7 +1,5 @@
 """Figure 3: two canonical forms before and after ICP, and how its residual falls."""
 
-from __future__ import annotations
-
 import itertools
 from pathlib import Path
 

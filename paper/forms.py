@@ -1,7 +1,5 @@
 """Canonical forms as the paper's experiments make them, and points of them for ICP."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Load the collections of shapes on which matching is measured, in the layouts they come in."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Writing an experiment down: a page, its figures, its numbers, and an index of all pages."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

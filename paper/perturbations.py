@@ -1,7 +1,5 @@
 """What is done to a shape to see whether its canonical form withstands it."""
 
-from __future__ import annotations
-
 from testshapes.damage import Damaged, cut_discs
 from testshapes.scanning import add_noise
 from testshapes.welding import weld

@@ -1,7 +1,5 @@
 """What an experiment returns."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

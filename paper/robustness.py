@@ -1,7 +1,5 @@
 """The claim "insensitive to noise and topology": how far forms and maps move."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 from pathlib import Path
 

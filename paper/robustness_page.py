@@ -1,7 +1,5 @@
 """The page of the perturbed shapes: its figure and its words."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from paper.result import Figure

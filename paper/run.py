@@ -1,7 +1,5 @@
 """What an experiment gets, and how its work is spread over processes and kept."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import re

@@ -1,7 +1,5 @@
 """The files that collections of shapes come in, beyond those of :mod:`unbend.io`."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Our own shapes in the layout of the collections, for runs without any data."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

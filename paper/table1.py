@@ -1,7 +1,5 @@
 """Table 1 and Figure 2: how many correspondences are right, by threshold, class and method."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """What the page of Table 1 says: choices, agreement with the paper, the worst pairs."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from paper.correspondences import (

@@ -1,7 +1,5 @@
 """Table 2: how alike the canonical forms of one person in many poses are."""
 
-from __future__ import annotations
-
 import itertools
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What the page of Table 2 says: choices, whether the order holds, how the values compare."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

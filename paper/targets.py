@@ -1,7 +1,5 @@
 """The experiments by name."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from paper.collection import Collection

@@ -8,8 +8,6 @@ little of it; ``quota`` runs some under half a processor, where control groups c
 matches one pair in many processes, several at a time, and compares the results byte by byte.
 """
 
-from __future__ import annotations
-
 import argparse
 import functools
 import os

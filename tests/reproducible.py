@@ -5,8 +5,6 @@ one thread: in two threads, with the kernels of OpenBLAS for other processors, a
 that factorises. The tests hold them to what ``docs/numerical-honesty.md`` states.
 """
 
-from __future__ import annotations
-
 import functools
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Small shapes in files, and what a collection keeps of them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Rows that repeat, and the largest of entries that rounding tells apart."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """Compiled code on disk is what was compiled from these sources for these types, or is not used."""
 
-from __future__ import annotations
-
 import itertools
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Bad input gets the right answer or one sentence: never a traceback, a hang or half a file."""
 
-from __future__ import annotations
-
 import re
 import stat
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What happens at random moments or in many processes at once harms nothing that comes after."""
 
-from __future__ import annotations
-
 import signal
 import sys
 

@@ -3,8 +3,6 @@
 ``tests/test_corpus.py`` reads all of them.
 """
 
-from __future__ import annotations
-
 import pytest
 
 from fuzz import mutations, readers

@@ -1,7 +1,5 @@
 """The table of CONTRIBUTING.md is the layout: imports run down it, and nothing is left out."""
 
-from __future__ import annotations
-
 import ast
 import re
 from pathlib import Path

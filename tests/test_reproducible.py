@@ -1,7 +1,5 @@
 """The same input gives the same bits, and nearly the same numbers wherever it is computed."""
 
-from __future__ import annotations
-
 import platform
 from pathlib import Path
 

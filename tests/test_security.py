@@ -1,7 +1,5 @@
 """What files and names from elsewhere must not be able to do."""
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterator

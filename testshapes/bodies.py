@@ -1,7 +1,5 @@
 """Bodies with proportions drawn at random, and which of their points are the same."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 

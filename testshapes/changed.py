@@ -1,7 +1,5 @@
 """Bodies that have a part more than others of their kind, such as a rider, or a part less."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable, Sequence
 

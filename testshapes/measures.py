@@ -1,7 +1,5 @@
 """Lengths and areas of a mesh."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import dijkstra

@@ -1,7 +1,5 @@
 """What a scanner makes of a surface: one side of it, noise, separate pieces, points."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial import cKDTree
 

@@ -1,7 +1,5 @@
 """Parts of a surface that have grown together, as in a scan of hands on hips."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from testshapes.damage import Damaged, largest_piece, unchanged

@@ -1,7 +1,5 @@
 """``unbend check`` says what is wrong, what will be done about it, and what to do next."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

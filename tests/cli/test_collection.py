@@ -1,7 +1,5 @@
 """``unbend collection``: from files to a store, from a store to answers."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

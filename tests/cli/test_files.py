@@ -1,7 +1,5 @@
 """What a file holds is not lost in silence: textures, values, landmarks; maps know their meshes."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

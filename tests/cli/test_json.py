@@ -1,7 +1,5 @@
 """The JSON of every command: one table says which keys there are, and what they hold."""
 
-from __future__ import annotations
-
 import json
 import shlex
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The command line as a whole: help is quick, mistakes are one sentence, tracebacks are bugs."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

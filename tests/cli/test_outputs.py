@@ -1,7 +1,5 @@
 """Every output that a command is asked for is written and named, whatever else it is asked for."""
 
-from __future__ import annotations
-
 import json
 import shlex
 from collections.abc import Iterator

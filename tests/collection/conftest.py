@@ -1,7 +1,5 @@
 """A collection that the tests share."""
 
-from __future__ import annotations
-
 import shutil
 from contextlib import contextmanager
 from pathlib import Path

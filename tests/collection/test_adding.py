@@ -1,7 +1,5 @@
 """What is kept of a shape."""
 
-from __future__ import annotations
-
 import warnings
 from pathlib import Path
 

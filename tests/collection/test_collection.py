@@ -1,7 +1,5 @@
 """A collection: what is added is found, once, whatever happened on the way."""
 
-from __future__ import annotations
-
 import csv
 import math
 import os

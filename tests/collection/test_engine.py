@@ -1,7 +1,5 @@
 """The engine: results come as they are done, and a worker that dies stops nothing."""
 
-from __future__ import annotations
-
 import atexit
 import io
 import itertools

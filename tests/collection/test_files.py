@@ -1,7 +1,5 @@
 """Files that may be meshes."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import sys

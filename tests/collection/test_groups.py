@@ -1,7 +1,5 @@
 """Groups without labels: clusters that are there are found."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.distance import cdist

@@ -1,7 +1,5 @@
 """Pairs of a collection, matched once."""
 
-from __future__ import annotations
-
 import csv
 import time
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Files with one content are one shape, whose paths are those where it is now."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

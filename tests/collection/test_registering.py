@@ -1,7 +1,5 @@
 """A collection registered to a template: one connectivity, resumed, with bad shapes listed."""
 
-from __future__ import annotations
-
 import csv
 import os
 import shutil

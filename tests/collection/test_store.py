@@ -1,7 +1,5 @@
 """The table: what is committed is there for all, small files are merged, searches are exact."""
 
-from __future__ import annotations
-
 from datetime import timedelta
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """One surface of whatever a mesh holds: closed, joined, refined, and linked where it is apart."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy.sparse as sp

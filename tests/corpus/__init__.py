@@ -4,8 +4,6 @@ Every case is made by code. ``python -m tests.corpus`` runs them all and writes 
 ``README.md`` here.
 """
 
-from __future__ import annotations
-
 from . import archives, files, places, stores, surfaces, tables
 from .case import Answer, Case, Refused, try_case
 

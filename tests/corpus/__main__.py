@@ -1,7 +1,5 @@
 """Run every case and write the table into ``README.md``: ``python -m tests.corpus``."""
 
-from __future__ import annotations
-
 import re
 import tempfile
 from pathlib import Path

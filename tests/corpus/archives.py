@@ -1,7 +1,5 @@
 """Matches (.npz) that are damaged, forged, or far larger than they look."""
 
-from __future__ import annotations
-
 import io
 import struct
 import zipfile

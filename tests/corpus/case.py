@@ -1,7 +1,5 @@
 """A case of the corpus: bad input, the commands that get it, and what must come of it."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import io

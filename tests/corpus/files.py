@@ -1,7 +1,5 @@
 """Mesh files that are damaged, by format; every command that reads a mesh gets each of them."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path

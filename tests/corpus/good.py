@@ -1,7 +1,5 @@
 """What is in order: small meshes, files of them, and the commands that read one."""
 
-from __future__ import annotations
-
 import functools
 import io
 import tempfile

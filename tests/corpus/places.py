@@ -1,7 +1,5 @@
 """Where files are, and where they go: folders, links, pipes, names, full disks."""
 
-from __future__ import annotations
-
 import functools
 import os
 import re

@@ -1,7 +1,5 @@
 """Collections and the cache of spectra, damaged or replaced by something else."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Meshes that are read, but are no closed surface in one piece with proper triangles."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path

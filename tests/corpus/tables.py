@@ -1,7 +1,5 @@
 """Maps, values, landmarks and labels that are damaged."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

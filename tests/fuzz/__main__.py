@@ -1,7 +1,5 @@
 """Fuzz one family: ``python -m fuzz meshes --seconds 600``."""
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import sys

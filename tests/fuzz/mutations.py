@@ -1,7 +1,5 @@
 """Small meshes, broken step by step, through forms, distances, matches and transfer."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Iterator
 from typing import Any

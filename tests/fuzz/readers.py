@@ -1,7 +1,5 @@
 """Bytes through the readers of meshes, maps, values and archives."""
 
-from __future__ import annotations
-
 import functools
 import os
 import tempfile

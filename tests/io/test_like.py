@@ -1,7 +1,5 @@
 """Writing an OBJ file like another one: new positions, every other line as it was."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

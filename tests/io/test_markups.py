@@ -1,7 +1,5 @@
 """Landmarks of 3D Slicer: in, out, paired, and refused where they do not fit."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Values that mesh files hold come back, from ours and from other programs'."""
 
-from __future__ import annotations
-
 import struct
 from contextlib import nullcontext
 from functools import partial

@@ -1,7 +1,5 @@
 """Reading and writing meshes: order, count and bits survive."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

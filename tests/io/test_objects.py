@@ -1,7 +1,5 @@
 """Meshes of other programs, by their attributes; and of their files, where they are installed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from types import SimpleNamespace
 

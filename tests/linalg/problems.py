@@ -1,7 +1,5 @@
 """Small sparse problems for the tests of the solvers."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import ConvexHull, Delaunay

@@ -1,7 +1,5 @@
 """Nested dissection against the structure of a dense factor."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy.sparse as sp

@@ -1,7 +1,5 @@
 """Sparse solves and inertia against dense linear algebra, with every backend."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Eigenpairs against dense solvers: all of them, right, and none missed."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy.linalg

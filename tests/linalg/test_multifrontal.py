@@ -1,7 +1,5 @@
 """The multifrontal factor and its sweeps, on matrices that give each kind of supernode."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy.sparse as sp

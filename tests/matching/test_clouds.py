@@ -1,7 +1,5 @@
 """Point clouds are matched like the meshes that they are sampled from."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

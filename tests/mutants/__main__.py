@@ -1,7 +1,5 @@
 """Change modules in small ways, one at a time: ``python -m tests.mutants io/_maps.py``."""
 
-from __future__ import annotations
-
 import argparse
 import ast
 import contextlib

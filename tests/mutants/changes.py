@@ -1,7 +1,5 @@
 """The errors: each a small change of one place in a module, spelled as its syntax tree."""
 
-from __future__ import annotations
-
 import ast
 import copy
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The health of a mesh, on shapes whose every number is known."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What computations run on: vertices in use, in order, and a clear refusal otherwise."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Tricky files keep their order; bad ones get one sentence; none does harm."""
 
-from __future__ import annotations
-
 import struct
 from contextlib import nullcontext, suppress
 from pathlib import Path

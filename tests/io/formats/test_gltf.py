@@ -1,7 +1,5 @@
 """glTF: what is written, trimesh finds by other code; what it would read wrong is refused."""
 
-from __future__ import annotations
-
 import base64
 import json
 import struct

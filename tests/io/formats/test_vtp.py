@@ -1,7 +1,5 @@
 """VTP files hold what they promise; VTK itself reads them where it is installed."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from base64 import b64decode
 from pathlib import Path
