@@ -1,7 +1,9 @@
 """The public names, as ``unbend/__init__.py`` has them, and what their users get wrong."""
 
 import copy
+import inspect
 import pickle
+import pydoc
 import subprocess
 import sys
 from collections.abc import Callable
@@ -49,6 +51,16 @@ FORMS = np.stack([BALL.vertices * scale for scale in (1, 2, 3)])
 
 def similar(areas: object) -> float:
     return unbend.similarity(BALL, BALL, match=EVERY, areas=areas)
+
+
+def test_help_is_readable() -> None:
+    assert "source: 'MeshLike', target: 'MeshLike'" in str(inspect.signature(unbend.match))
+    for name in unbend._FOLDERS:
+        module = getattr(unbend, name)
+        told = pydoc.plain(pydoc.render_doc(module))
+        public = getattr(module, "__all__", ())
+        assert name == "errors" or public
+        assert all(one in told for one in public)
 
 
 # None in sys.modules: the import fails as where the package is not installed.

@@ -17,9 +17,12 @@ from numba.core.serialize import dumps
 from numba.extending import intrinsic
 
 # What kernels are compiled from: the files that import this one, and this one. They use no names
-# from other files of ours, which `tests/test_layout.py` checks. Some editors leave dangling links.
-_FILES = sorted(path for path in Path(__file__).parent.rglob("*.py") if path.exists())
-_SOURCES = b"".join(one for one in map(Path.read_bytes, _FILES) if b"_compiled import" in one)
+# from other files of ours, which `tests/test_layout.py` checks.
+_SOURCES = b""
+for _path in sorted(Path(__file__).parent.rglob("*.py")):
+    with suppress(OSError):  # a dangling link, which some editors leave
+        if b"_compiled import" in (_source := _path.read_bytes()):
+            _SOURCES += _source
 
 
 class _Cache(FunctionCache):  # type: ignore[misc]

@@ -50,8 +50,13 @@ class MissingExtraError(UnbendError, ImportError):
         index. (``unbend[extra]`` would be looked up there too, and may be another's package.)
     """
 
-    def __str__(self) -> str:
-        return f"{self.args[0]} is needed for this: pip install {' '.join(self.args)}"
+    def __init__(self, *packages: str) -> None:
+        super().__init__(f"{packages[0]} is needed for this: pip install {' '.join(packages)}")
+        self._given = packages
+
+    def __reduce__(self) -> tuple[type[MissingExtraError], tuple[str, ...]]:
+        """Travel between processes by what it was made of, which is not its message."""
+        return type(self), self._given
 
 
 class UnbendWarning(UserWarning):

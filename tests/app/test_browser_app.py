@@ -81,7 +81,7 @@ def test_from_two_dropped_files_to_a_saved_map_with_hints(page, dogs, tmp_path, 
     page.wait_for("state.results.length === 1")
     # The page in the frame draws when it can be seen; a click is a landmark once it has drawn.
     for side, right in ((0, 0.27), (1, 0.75)):
-        placed = f"kept.placed[shown]?.some(({{at}}) => at[{side}] >= 0)"
+        placed = f"placed[shown]?.some(({{at}}) => at[{side}] >= 0)"
         for down in range(360, 520, 20):
             page.click(*frame_spot(page, right, down))
             if page.run(placed):
@@ -207,16 +207,19 @@ def test_a_result_offers_nothing_more_when_its_shape_is_removed(page, dogs):
     assert "Use this map" not in page.run("part('result').textContent")
 
 
-def test_landmarks_outlast_a_reload(page, app, dogs):
+def test_landmarks_outlast_their_tab_and_are_its_own(page, app, dogs):
     page.choose_file("#choose", *dogs)
     page.wait_for(GOOD.format(2))
     press(page, "Place landmarks")
     page.wait_for("state.results.length === 1 && frame?.greeted")
-    ours = [{"name": "1", "at": [87, 139]}]
+    ours, theirs = ([{"name": "1", "at": at}] for at in ([87, 139], [328, 294]))
     page.run(f"frame.contentWindow.postMessage({{landmarks: {ours}}}, '*')")
-    page.wait_for("kept.placed[shown]?.[0]?.at[0] === 87")
+    page.wait_for("placed[shown]?.[0]?.at[0] === 87")
+    page.run("sessionStorage.clear()")  # as in a new tab
     page.visit(page.run("location.href"))
     page.wait_for("frame?.greeted && part('placed').textContent.startsWith('1 placed.')")
+    other = f"JSON.stringify({{run: location.pathname, placed: {{[shown]: {theirs}}}}})"
+    page.run(f"localStorage.setItem('unbend', {other})")  # as another tab does
     press(page, "Match with these")
     page.wait_for("state.jobs.length === 1")
     (job,) = app.session._jobs.values()

@@ -33,7 +33,7 @@ def results(run, items):
 
 def test_this_process_will_do() -> None:
     with engine(workers=0) as run:
-        assert results(run, ["1 + 1", "2 * 3"]) == {"1 + 1": (2, None), "2 * 3": (6, None)}
+        assert results(run, ["1 + 1", None, "2 * 3"]) == {"1 + 1": (2, None), "2 * 3": (6, None)}
 
 
 def test_what_kills_its_worker_is_named_and_all_else_goes_on(
@@ -47,7 +47,7 @@ def test_what_kills_its_worker_is_named_and_all_else_goes_on(
     monkeypatch.setattr(_engine, "available_memory", lambda: 2**33)
     before, main = dict(os.environ), dict(vars(sys.modules["__main__"]))
     items = [f"{i} * {i}" for i in range(12)]
-    items[3:3], items[7:7] = [DEATH], [f"{DEATH} or 1"]
+    items[3:3], items[7:7] = [DEATH], [f"{DEATH} or 1", None]
     names = [f"{one}_NUM_THREADS" for one in ("OMP", "OPENBLAS", "MKL", "NUMBA")]
     memory = "__import__('distributed').get_worker().memory_manager.memory_"
     limits = {"limit": 2**32, "target_fraction": False, "spill_fraction": False}
@@ -149,7 +149,7 @@ def test_nobody_answers(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_without_work_nobody_is_asked() -> None:
     with engine(scheduler="tcp://127.0.0.1:1") as run:
-        assert results(run, []) == {}
+        assert results(run, [None]) == {}
 
 
 def test_a_scheduler_that_goes_away_is_told() -> None:
@@ -162,6 +162,7 @@ def test_a_scheduler_that_goes_away_is_told() -> None:
             with pytest.raises(ValueError, match="No client"):
                 default_client()  # what else the user does with Dask is left alone
             own.close()
+            yield None
 
         with (
             pytest.raises(UnbendError, match="the Dask scheduler went away"),

@@ -150,6 +150,16 @@ def test_no_changed_byte_leads_to_a_wrong_number(folder):
             np.testing.assert_array_equal(found[1], FUNCTIONS)
 
 
+def test_a_header_that_names_a_smaller_array_is_not_trusted(folder):
+    store_eigenpairs("key", VALUES, FUNCTIONS)
+    path, (n, k) = folder / "key.npz", FUNCTIONS.shape
+    header, smaller = (f"'shape': ({n}, {columns})".encode() for columns in (k, k - 1))
+    whole = path.read_bytes()
+    assert whole.count(header) == 1
+    path.write_bytes(whole.replace(header, smaller))
+    assert load_eigenpairs("key") is None
+
+
 def test_a_foreign_file_is_not_trusted(folder):
     store_eigenpairs("other", VALUES + 1, FUNCTIONS)
     (folder / "other.npz").rename(folder / "key.npz")

@@ -3,8 +3,11 @@
 
 const part = (id) => document.getElementById(id);
 const tab = crypto.randomUUID();
-// What this tab has chosen, and the landmarks placed in it; each run of the app has a path of its own.
-const kept = JSON.parse(sessionStorage.getItem(location.pathname)) || { placed: {} };
+// Each run of the app has a path of its own. What a tab has chosen is kept for it, and the landmarks
+// placed last for all tabs.
+const kept = JSON.parse(sessionStorage.getItem(location.pathname)) || {};
+const last = JSON.parse(localStorage.getItem("unbend"));
+const placed = last?.run === location.pathname ? last.placed : {}; // by result
 const PLAIN = {
   spectrum: "measuring both shapes", search: "trying ways to match them", refine: "refining the map", register: "fitting",
 };
@@ -239,7 +242,7 @@ function showPlaced(result) {
 }
 
 // The vertices of the landmarks that are on every shape of the page in the frame.
-const complete = () => (kept.placed[shown] || []).map(({ at }) => at).filter((at) => at.every((vertex) => vertex >= 0));
+const complete = () => (placed[shown] || []).map(({ at }) => at).filter((at) => at.every((vertex) => vertex >= 0));
 
 // That page tells which landmarks are on it. After a reload it is told what was placed last.
 addEventListener("message", ({ source, data }) => {
@@ -247,9 +250,10 @@ addEventListener("message", ({ source, data }) => {
   if (!frame || source !== frame.contentWindow || result?.do !== "landmarks" || !Array.isArray(data?.landmarks)) return;
   if (!frame.greeted) {
     frame.greeted = true;
-    if (kept.placed[shown]) return source.postMessage({ landmarks: kept.placed[shown] }, "*");
+    if (placed[shown]) return source.postMessage({ landmarks: placed[shown] }, "*");
   }
-  remember({ placed: { ...kept.placed, [shown]: data.landmarks } });
+  placed[shown] = data.landmarks;
+  localStorage.setItem("unbend", JSON.stringify({ run: location.pathname, placed }));
   showPlaced(result);
 });
 

@@ -178,6 +178,7 @@ def read_or_match(shapes: Sequence[unbend.Mesh], given: MatchOptions) -> unbend.
 
 def opened(store: str, *outputs: str | None) -> unbend.collection.Collection:
     """Open a collection that must be there, and in whose folder nothing else shall be written."""
+    output.progress("reading", 0)
     found = unbend.collection.Collection(store)
     if not found.exists:
         raise FileError(

@@ -59,6 +59,7 @@ def say(kind: str, sentence: str) -> None:
     if kind.startswith(("note", "warning")):
         _run.warnings.append(sentence)
     if not (_run.quiet and kind in ("note", "progress")):
+        end_progress()
         typer.echo(f"{kind}: {printable(sentence)}", err=True)
 
 

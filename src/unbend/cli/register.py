@@ -53,6 +53,7 @@ def register(
     paths = expand_folders(scans)
     of_one = vars(matching) | {"component": component, "report": report}
     if is_batch(scans, paths, out, of_one):
+        output.progress("reading", 0)
         done = unbend.collection.register_files(paths, template, out, output.progress)
         _, fitted, _ = unbend.collection.read_registrations(out)
         of_all = [

@@ -61,8 +61,8 @@ class _Adding:
         self._bad: dict[str, Failure] = {}  # by hashes of these
         self._copies: list[File] = []  # other files with such hashes
 
-    def fresh(self, given: Sequence[str]) -> Iterator[File]:
-        """Files with new content."""
+    def fresh(self, given: Sequence[str]) -> Iterator[File | None]:
+        """Files with new content, and None after each batch."""
         for files, failures in hashed(find_files(given)):
             self.failures += failures
             paths = self._update(files)
@@ -75,7 +75,7 @@ class _Adding:
                 else:
                     self._given.add(file[1])
                     yield file
-            self.take([])  # a while may pass before there is another
+            yield None
 
     def _update(self, files: Sequence[File]) -> dict[str, list[str]]:
         """Update the paths of shapes in the store that are in these files; return the old ones."""

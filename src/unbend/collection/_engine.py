@@ -24,9 +24,11 @@ from unbend._types import Progress
 from unbend.collection._rows import Failure
 from unbend.errors import InputError, MissingExtraError, UnbendError, UnbendWarning, warn
 
-_TASKS_PER_THREAD = 2  # of the cluster: one is computed while the next waits
+# Tasks for each thread of the cluster: one is computed while the next waits.
+_TASKS_PER_THREAD = 2
 _THREADS_PER_ITEM = 50  # see _plan
-_WORKER_BYTES = 2**29  # that a worker needs, with all its libraries loaded
+# Memory that a worker needs, with all its libraries loaded.
+_WORKER_BYTES = 2**29
 _HEARTBEAT_SECONDS = 0.5
 _PATIENCE_SECONDS = 60
 _DEADLY = "the worker process crashed twice, perhaps out of memory; try fewer workers"
@@ -52,7 +54,7 @@ def attempt_all(
     noun: str,
     progress: Progress | None,
 ) -> list[Failure]:
-    """Work on tasks that have a name, and return the failures.
+    """Work on tasks that have a name, report the progress, and return the failures.
 
     What `work` returns are its warnings, which are issued here: workers elsewhere are not heard.
     """
@@ -79,9 +81,10 @@ def heard() -> Iterator[list[str]]:
 
 
 def counted(progress: Progress | None, noun: str, total: int) -> Callable[[int, int, int], None]:
-    """Wrap a progress callback: report counts of a plural `noun`, the rate and the time left.
+    """Wrap a progress callback: report counts, the rate and the time left.
 
-    The wrapper takes how many were computed, were skipped, and failed among those computed.
+    The wrapper takes the number of items computed, the number skipped, and the number that failed
+    among those computed. `noun` is the plural of what is counted.
     """
     start = time.monotonic()
 
@@ -109,8 +112,9 @@ def engine(*, workers: int | None = None, scheduler: str | None = None) -> Itera
 
     Yields a callable that applies a function, which workers can import, to an iterable of items. It
     gives lists of :class:`Outcome`, in any order and perhaps empty, and takes no more items than
-    are worked on. A worker that crashes is replaced. The items it had are tried again at the end,
-    one at a time; an item whose worker crashes again is reported.
+    are worked on. An item that is None yields the results so far, for iterables that take their
+    time. A worker that crashes is replaced. The items it had are tried again at the end, one at a
+    time; an item whose worker crashes again is reported.
     """
     if workers is not None:
         check_whole(workers, "workers")
@@ -126,7 +130,7 @@ def engine(*, workers: int | None = None, scheduler: str | None = None) -> Itera
 
 def _here(function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[list[Outcome]]:
     for item in items:
-        yield _call(function, [item])
+        yield [] if item is None else _call(function, [item])
 
 
 def _there(
@@ -134,40 +138,52 @@ def _there(
 ) -> Iterator[list[Outcome]]:
     """Work on all items; at the end one at a time on those whose worker crashed."""
     source = iter(items)
-    first = list(itertools.islice(source, 1))
-    if not first:
+    for first in source:
+        yield []  # workers take their time to start
+        if first is not None:
+            break
+    else:
         return
-    yield []  # workers take their time to start
     client = start()
     suspects: list[Any] = []
     deadly: list[Any] = []
-    yield from _stream(client, function, itertools.chain(first, source), suspects, alone=False)
-    yield from _stream(client, function, iter(suspects), deadly, alone=True)
+    yield from _stream(client, function, itertools.chain([first], source), suspects, alone=False)
+    yield from _stream(client, function, suspects, deadly, alone=True)
     yield [Outcome(item, None, _DEADLY) for item in deadly]
 
 
 def _stream(
     client: Any,
     function: Callable[[Any], Any],
-    items: Iterator[Any],
+    items: Iterable[Any],
     suspects: list[Any],
     *,
     alone: bool,
 ) -> Iterator[list[Outcome]]:
     """Keep all threads busy, or only one if `alone`; collect the items whose worker crashed."""
+    source = iter(items)
     pending: dict[Any, list[Any]] = {}
     finished: queue.SimpleQueue[Any] = queue.SimpleQueue()
     room, size = (1, 1) if alone else _plan(client)
-    planned = time.monotonic()
-    while True:
-        while len(pending) < room and (lot := list(itertools.islice(items, size))):
-            future = client.submit(_call, function, lot, pure=False)
-            pending[future] = lot
-            future.add_done_callback(finished.put)
-        if not pending:
-            return
+    exhausted, planned = False, time.monotonic()
+    while pending or not exhausted:
+        passing = False
+        while not (exhausted or passing) and len(pending) < room:
+            lot = []
+            for item in source:
+                passing = item is None
+                if not passing:
+                    lot.append(item)
+                if passing or len(lot) == size:
+                    break
+            else:
+                exhausted = True
+            if lot:
+                future = client.submit(_call, function, lot, pure=False)
+                pending[future] = lot
+                future.add_done_callback(finished.put)
         results: list[Outcome] = []
-        for future in _arrived(finished):
+        for future in _arrived(finished, 0 if passing or not pending else _HEARTBEAT_SECONDS):
             results += _outcomes(future, pending.pop(future), suspects)
         yield results
         if not alone and time.monotonic() - planned > 10 * _HEARTBEAT_SECONDS:
@@ -205,11 +221,11 @@ def _outcomes(future: Any, lot: list[Any], suspects: list[Any]) -> list[Outcome]
         return [Outcome(item, None, f"{type(error).__name__}: {error}") for item in lot]
 
 
-def _arrived(finished: queue.SimpleQueue[Any]) -> list[Any]:
+def _arrived(finished: queue.SimpleQueue[Any], patience: float) -> list[Any]:
     """All that is in a queue, after waiting a while for the first."""
     found = []
     with suppress(queue.Empty):
-        found.append(finished.get(timeout=_HEARTBEAT_SECONDS))
+        found.append(finished.get(timeout=patience))
         while True:
             found.append(finished.get_nowait())
     return found
@@ -245,8 +261,9 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
         return
     count, share, memory = _local_shape(workers)
     settings = {
-        "distributed.scheduler.allowed-failures": 0,  # the engine tries again, one at a time
-        # A crashed worker is replaced, however long that takes on a busy machine; by default, the
+        # The engine itself tries again, one item at a time.
+        "distributed.scheduler.allowed-failures": 0,
+        # A crashed worker is replaced, however long that takes on a busy machine. By default, the
         # cluster would give up after 15 seconds.
         "distributed.deploy.lost-worker-timeout": "1 day",
         # Memory is used by the current mesh, which cannot be spilled; rows are small.

@@ -189,8 +189,11 @@ def _follow(folder: Path, suffix: str, names: Sequence[str]) -> None:
                 continue
             (folder / _TABLE).unlink(missing_ok=True)  # it lists what was there
             for old in (folder / f"{result.stem}{suffix}", result):
-                if old.exists():
-                    old.replace(old.with_name(f"{name}{old.suffix}"))
+                new = old.with_name(f"{name}{old.suffix}")
+                if old.exists() and (not new.exists() or new.samefile(old)):  # but for its case
+                    old.replace(new)
+                else:
+                    old.unlink(missing_ok=True)
     except OSError as error:
         raise FileError(f"cannot write into {folder}: {error.strerror or error}") from error
 

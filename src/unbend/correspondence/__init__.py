@@ -1,7 +1,7 @@
 """Uses of a map: evaluation, transfer, registration, morphing, similarity; files of matches."""
 
 from unbend.correspondence._archive import read_match, write_match
-from unbend.correspondence._evaluation import THRESHOLDS, Evaluation, evaluate
+from unbend.correspondence._evaluation import THRESHOLDS, Evaluation, Overlap, evaluate
 from unbend.correspondence._morph import morph
 from unbend.correspondence._register import Registration, register, write_registration
 from unbend.correspondence._similarity import aligned_cosine, similarity
@@ -10,6 +10,7 @@ from unbend.correspondence._transfer import as_point_map, carry, transfer, value
 __all__ = [
     "THRESHOLDS",
     "Evaluation",
+    "Overlap",
     "Registration",
     "aligned_cosine",
     "as_point_map",

@@ -82,7 +82,7 @@ class Evaluation(Brief):
             If there is no such protocol, or it needs a mirrored ground truth.
         """
         known = {"direct": self.direct, "map-min": self.map_min, "vertex-min": self.vertex_min}
-        if protocol not in known:
+        if protocol not in list(known):
             raise InputError(
                 f"protocol must be 'direct', 'map-min' or 'vertex-min', not {protocol!r}"
             )
@@ -226,7 +226,7 @@ def _errors(
             f"{name}: row {unused[0]} is {truth[unused[0]]}, a vertex that no face of "
             f"{target.name} uses; give -1 for rows that do not count"
         )
-    key = *mesh_hashes(target), kind
+    key: tuple[int | str, ...] = (*mesh_hashes(target), kind)
     kept = _kept[key] = _kept.pop(key, {})  # the last one used
     missing = set(truth[rows].tolist()) - set(kept)
     if missing:

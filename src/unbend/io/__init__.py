@@ -1,35 +1,68 @@
 """Files: meshes, maps between them and values on them. Whatever is a mesh becomes a `Mesh` here."""
 
-from unbend.io._colors import value_colors as value_colors
-from unbend.io._files import atomic_write as atomic_write
-from unbend.io._files import check_writable as check_writable
-from unbend.io._files import prefixed as prefixed
-from unbend.io._files import read_bytes as read_bytes
-from unbend.io._files import read_table as read_table
-from unbend.io._files import write_table as write_table
-from unbend.io._foreign import MeshLike as MeshLike
-from unbend.io._maps import MAP_SUFFIXES as MAP_SUFFIXES
-from unbend.io._maps import checked_map as checked_map
-from unbend.io._maps import counted_from_zero as counted_from_zero
-from unbend.io._maps import invert_map as invert_map
-from unbend.io._maps import read_landmarks as read_landmarks
-from unbend.io._maps import read_map as read_map
-from unbend.io._maps import whole_numbers as whole_numbers
-from unbend.io._maps import write_map as write_map
-from unbend.io._markups import MARKUP_SUFFIXES as MARKUP_SUFFIXES
-from unbend.io._markups import read_markup_pairs as read_markup_pairs
-from unbend.io._markups import read_markups as read_markups
-from unbend.io._markups import write_markups as write_markups
-from unbend.io._meshes import READ_SUFFIXES as READ_SUFFIXES
-from unbend.io._meshes import as_mesh as as_mesh
-from unbend.io._meshes import file_extras as file_extras
-from unbend.io._meshes import read_mesh as read_mesh
-from unbend.io._values import VALUE_SUFFIXES as VALUE_SUFFIXES
-from unbend.io._values import check_storable as check_storable
-from unbend.io._values import read_values as read_values
-from unbend.io._values import write_values as write_values
-from unbend.io._writing import COLOR_SUFFIXES as COLOR_SUFFIXES
-from unbend.io._writing import SCALAR_SUFFIXES as SCALAR_SUFFIXES
-from unbend.io._writing import WRITE_SUFFIXES as WRITE_SUFFIXES
-from unbend.io._writing import moved_obj as moved_obj
-from unbend.io._writing import write_mesh as write_mesh
+from unbend.io._colors import value_colors
+from unbend.io._files import (
+    atomic_write,
+    check_writable,
+    prefixed,
+    read_bytes,
+    read_table,
+    write_table,
+)
+from unbend.io._foreign import MeshLike
+from unbend.io._maps import (
+    MAP_SUFFIXES,
+    checked_map,
+    counted_from_zero,
+    invert_map,
+    read_landmarks,
+    read_map,
+    whole_numbers,
+    write_map,
+)
+from unbend.io._markups import MARKUP_SUFFIXES, read_markup_pairs, read_markups, write_markups
+from unbend.io._meshes import READ_SUFFIXES, as_mesh, file_extras, read_mesh
+from unbend.io._values import VALUE_SUFFIXES, check_storable, read_values, write_values
+from unbend.io._writing import (
+    COLOR_SUFFIXES,
+    SCALAR_SUFFIXES,
+    WRITE_SUFFIXES,
+    moved_obj,
+    write_mesh,
+)
+
+__all__ = [
+    "COLOR_SUFFIXES",
+    "MAP_SUFFIXES",
+    "MARKUP_SUFFIXES",
+    "READ_SUFFIXES",
+    "SCALAR_SUFFIXES",
+    "VALUE_SUFFIXES",
+    "WRITE_SUFFIXES",
+    "MeshLike",
+    "as_mesh",
+    "atomic_write",
+    "check_storable",
+    "check_writable",
+    "checked_map",
+    "counted_from_zero",
+    "file_extras",
+    "invert_map",
+    "moved_obj",
+    "prefixed",
+    "read_bytes",
+    "read_landmarks",
+    "read_map",
+    "read_markup_pairs",
+    "read_markups",
+    "read_mesh",
+    "read_table",
+    "read_values",
+    "value_colors",
+    "whole_numbers",
+    "write_map",
+    "write_markups",
+    "write_mesh",
+    "write_table",
+    "write_values",
+]

@@ -85,7 +85,7 @@ def draw_mesh(
     ax : matplotlib.axes.Axes
         Its place in the figure decides the resolution; the shape fills it.
     mesh : mesh-like
-        Anything :func:`unbend.as_mesh` accepts. y is up.
+        Anything :func:`unbend.as_mesh` accepts. Vertices that are not finite are left out. y is up.
     colors : (n,) or (n, 3) array_like, optional
         Per vertex: a number (drawn with the viridis colours from the least to the greatest;
         grey where not finite) or red, green and blue from 0 to 1. None: clay.

@@ -1,8 +1,7 @@
 """Spectra kept on disk, so that a mesh's eigenpairs are computed once.
 
-A file is named after everything that its eigenpairs depend on. One that is damaged (archives hold
-checksums) or foreign is recomputed; a folder that cannot be written is done without. Any number of
-processes may share it.
+A file is named after everything that its eigenpairs depend on. One that is damaged or foreign is
+recomputed; a folder that cannot be written is done without. Any number of processes may share it.
 """
 
 from __future__ import annotations
@@ -14,8 +13,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from unbend._arrays import is_number
 from unbend._types import FloatArray
@@ -93,10 +94,14 @@ def _most_bytes() -> int:
 
 def cache_key(mesh: Mesh, *how: str | float) -> str:
     """Name under which a mesh's spectrum is kept: a hash of the mesh and of how it was computed."""
-    digest = hashlib.blake2b(f"{how!r} {mesh.vertices.shape}".encode(), digest_size=20)
-    for array in (mesh.vertices, mesh.faces):
+    return _hash(f"{how!r} {mesh.vertices.shape}", mesh.vertices, mesh.faces).hex()
+
+
+def _hash(text: str, *arrays: npt.NDArray[Any]) -> bytes:
+    digest = hashlib.blake2b(text.encode(), digest_size=20)
+    for array in arrays:
         digest.update(np.ascontiguousarray(array).data)
-    return digest.hexdigest()
+    return digest.digest()
 
 
 def load_eigenpairs(key: str) -> tuple[FloatArray, FloatArray] | None:
@@ -106,26 +111,28 @@ def load_eigenpairs(key: str) -> tuple[FloatArray, FloatArray] | None:
     path = cache_folder() / f"{key}.npz"
     try:
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
-            found = file["eigenvalues"], file["eigenfunctions"]
-            if file["key"] != key:  # another file, renamed
-                return None
+            values, functions = file["eigenvalues"], file["eigenfunctions"]
+            checked = bytes(file["digest"]) == _digest(key, values, functions)
     except Exception:  # whatever a damaged file makes NumPy or zipfile raise, it is no use
+        return None
+    if not checked:
         return None
     with suppress(OSError):
         os.utime(path)  # used just now: last to go
-    return found
+    return values, functions
 
 
 def store_eigenpairs(key: str, values: FloatArray, functions: FloatArray) -> None:
     """Keep eigenpairs for the next time; quietly does nothing where that is impossible."""
     if functions.nbytes > _most_bytes() // 2:
         return
+    digest = np.frombuffer(_digest(key, values, functions), dtype=np.uint8)
     with suppress(OSError, FileError):
         folder = cache_folder()
         folder.mkdir(parents=True, exist_ok=True)
         _make_room(functions.nbytes)
         with atomic_write(folder / f"{key}.npz") as file:
-            np.savez(file, eigenvalues=values, eigenfunctions=functions, key=key)
+            np.savez(file, eigenvalues=values, eigenfunctions=functions, digest=digest)
 
 
 def cache_info() -> CacheInfo:
@@ -143,6 +150,10 @@ def clear_cache() -> int:
         except OSError as error:
             raise FileError(f"cannot remove {path}: {error.strerror}") from None
     return len(files)
+
+
+def _digest(key: str, values: FloatArray, functions: FloatArray) -> bytes:
+    return _hash(f"{key} {values.shape} {functions.shape}", values, functions)
 
 
 def _files(pattern: str = "*.npz") -> Iterator[tuple[Path, int, float]]:

@@ -125,6 +125,7 @@ def mean(
     $ unbend collection mean registered -o statistics
     $ unbend collection mean skulls_registered -o form --scale --n-components 10
     """
+    progress("reading", 0)
     template, shapes, failures = unbend.collection.read_registrations(registered)
     found = unbend.collection.mean_shape(
         shapes,

@@ -34,6 +34,7 @@ def add(
     $ unbend collection add shapes 'models/**/*.obj' --workers 8
     $ unbend collection add shapes /data/models --scheduler tcp://10.0.0.1:8786 --json
     """
+    progress("reading", 0)
     collection = unbend.collection.Collection(store)
     done = collection.add(paths, workers=workers, scheduler=scheduler, progress=progress)
     rate = f", {done.added / done.seconds:.3g} a second" if done.added else ""
