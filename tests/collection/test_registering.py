@@ -262,6 +262,12 @@ def test_a_renamed_shape_is_not_registered_again_and_nothing_is_lost(
     assert meshes == moved
     assert after[listed[1]][0] == before[listed[1].replace("strolling", "walking")][0]
     assert len(list((out / "registrations").iterdir())) == len(moved) - 2  # the template, mine
+    stale = out / listed[1].replace("strolling", "walking")  # of a backup
+    for path in (stale, out / "registrations" / f"{stale.stem}.npz"):
+        path.write_text("stale", "utf-8")
+    collection.register(out / "template.obj", out, workers=0)
+    now = contents(out)
+    assert {name: now[name][0] for name in now} == {name: after[name][0] for name in after}
 
 
 def test_registering_some_files_keeps_the_others(own: tuple[Collection, Path]) -> None:
