@@ -4,6 +4,7 @@ All operators read original meshes, without modifiers and shape keys, in world c
 """
 
 import hashlib
+import re
 import warnings
 
 import bpy
@@ -18,24 +19,37 @@ from . import carry
 
 _DOUBTFUL = 0.6
 _KEPT = 16
-_matches: dict[bytes, unbend.Match] = {}  # of the last shapes, by their contents
+# Of the last shapes, by their contents, and what was said of each.
+_matches: dict[bytes, tuple[unbend.Match, list[str]]] = {}
 
 
 def find_match(source, target, progress=None) -> unbend.Match:
     """Match two objects, or give the match again if neither changed since."""
     shapes = carry.to_mesh(source), carry.to_mesh(target)
     ours, theirs = carry.landmarks(source), carry.landmarks(target)
-    pairs = np.array([(ours[name], theirs[name]) for name in ours if name in theirs])
+    numbers = carry.welded(source)[1], carry.welded(target)[1]
+    names = [name for name in ours if name in theirs]
+    pairs = np.array([(numbers[0][ours[name]], numbers[1][theirs[name]]) for name in names])
     parts = [part for one in shapes for part in (one.vertices, one.faces)]
     shape = repr([part.shape for part in parts]).encode()
     key = hashlib.sha256(shape + b"".join(part.tobytes() for part in (*parts, pairs))).digest()
     if key not in _matches:
-        _matches[key] = unbend.match(
-            *shapes, landmarks=pairs if len(pairs) else None, barycentric=True, progress=progress
-        )
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", UnbendWarning)
+            found = unbend.match(
+                *shapes,
+                landmarks=pairs if len(pairs) else None,
+                barycentric=True,
+                progress=progress,
+            )
+        _matches[key] = found, [str(one.message) for one in caught]
         if len(_matches) > _KEPT:
             del _matches[next(iter(_matches))]
-    return _matches[key]
+    found, said = _matches[key]
+    for text in said:  # landmarks have names here, not rows
+        named = re.sub(r"\blandmark (\d+)", lambda row: f'"{names[int(row[1])]}"', text)
+        warnings.warn(named, UnbendWarning, stacklevel=2)
+    return found
 
 
 class _Operator:
@@ -48,8 +62,10 @@ class _Operator:
     def poll(cls, context):
         """Whether the meshes that it needs are selected."""
         active = context.active_object
-        meshes = active is not None and active.type == "MESH" and cls.chosen(context)
-        return bool(meshes) and context.mode == "OBJECT"
+        if active is None or active.type != "MESH" or context.mode != "OBJECT":
+            return False
+        chosen = cls.chosen(context)
+        return bool(chosen) and all(one.mode == "OBJECT" for one in chosen)
 
     @classmethod
     def chosen(cls, context) -> list:
@@ -62,6 +78,7 @@ class _Operator:
         active = context.active_object
         window = context.window_manager
         window.progress_begin(0, 1)
+        self.painted = None  # colours of the active object by the matches so far
         try:
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always", UnbendWarning)
@@ -107,8 +124,16 @@ class OBJECT_OT_unbend_match(_Operator, bpy.types.Operator):  # noqa: N801
 
     def prepare(self, active, other, progress):
         """Match the active object to another one."""
+        for one in (other, active) if self.paint else (other,):
+            carry.check_changeable(one)
         found = self.matched(active, other, progress)
         colors = match_colors(carry.to_mesh(active), carry.to_mesh(other), found)
+        (first, ours), (_, theirs) = carry.welded(active), carry.welded(other)
+        own = colors[0]  # grey is what none of the others has
+        if self.painted is not None:
+            own = np.where((found.source_to_target >= 0)[:, None], own, self.painted)
+        self.painted = own
+        partners = np.where(found.target_to_source < 0, -1, first[found.target_to_source])
 
         def change():
             data = other.data
@@ -116,9 +141,9 @@ class OBJECT_OT_unbend_match(_Operator, bpy.types.Operator):  # noqa: N801
             if old is not None:
                 data.attributes.remove(old)
             new = data.attributes.new("unbend_partner", "INT", "POINT")
-            new.data.foreach_set("value", found.target_to_source.astype(np.int32))
+            new.data.foreach_set("value", partners[theirs].astype(np.int32))
             if self.paint:
-                for one, rgb in zip((active, other), colors, strict=True):
+                for one, rgb in ((active, own[ours]), (other, colors[1][theirs])):
                     rgba = np.column_stack([rgb / 255, np.ones(len(rgb))])
                     layer = carry.set_colors(one.data, "unbend_match", rgba, field="color_srgb")
                     one.data.color_attributes.active_color = layer
@@ -139,13 +164,19 @@ class OBJECT_OT_unbend_transfer(_Operator, bpy.types.Operator):  # noqa: N801
 
     def prepare(self, source, target, progress):
         """Match the active object to another one, and place the other's vertices on it."""
+        carry.check_room(source, target, self.uvs, self.shape_keys)
         found = self.matched(source, target, progress)
         shapes = carry.to_mesh(source), carry.to_mesh(target)
+        (first, _), (_, number) = carry.welded(source), carry.welded(target)
 
         def take(values):
-            return unbend.transfer(values, found, kind="scalar", source=shapes[0], target=shapes[1])
+            given = values[first]
+            carried = unbend.transfer(
+                given, found, kind="scalar", source=shapes[0], target=shapes[1]
+            )
+            return carried[number]
 
-        places = take(shapes[0].vertices)
+        places = take(carry.to_world(source))
 
         def change():
             with warnings.catch_warnings():  # those of this match are reported already
@@ -179,12 +210,15 @@ class OBJECT_OT_unbend_register(_Operator, bpy.types.Operator):  # noqa: N801
             data = template.data.copy()
             new = bpy.data.objects.new(f"{template.name} on {scan.name}", data)
             new.shape_key_clear()
-            local = carry.to_local(template, result.mesh.vertices)
-            data.vertices.foreach_set("co", local.ravel())
+            new.matrix_world = template.matrix_world  # but for its shear, which needs a parent
+            places = result.mesh.vertices[carry.welded(template)[1]]
+            data.vertices.foreach_set("co", carry.to_local(new.matrix_basis, places).ravel())
             data.update()
-            new.matrix_world = template.matrix_world
-            for collection in template.users_collection:
+            own = [one for one in template.users_collection if one.library is None]
+            for collection in own or [bpy.context.collection]:
                 collection.objects.link(new)
+            for slot, old in zip(new.material_slots, template.material_slots, strict=True):
+                slot.link, slot.material = old.link, old.material
 
         return change
 
@@ -198,8 +232,9 @@ class OBJECT_OT_unbend_canonical(_Operator, bpy.types.Operator):  # noqa: N801
 
     def prepare(self, _, thing, progress):
         """Compute the form, as large as the mesh and turned like it."""
+        carry.check_changeable(thing)
         mesh = carry.to_mesh(thing)
-        points = unbend.canonical_form(mesh, progress=progress).points
+        points = unbend.canonical_form(mesh, component="largest", progress=progress).points
         known = np.isfinite(points).all(axis=1)
         form, rest = (one[known] - one[known].mean(axis=0) for one in (points, mesh.vertices))
         turn, _ = procrustes(form, rest)
@@ -208,7 +243,8 @@ class OBJECT_OT_unbend_canonical(_Operator, bpy.types.Operator):  # noqa: N801
         places[known] = form @ turn.T + mesh.vertices[known].mean(axis=0)
 
         def change():
-            carry.set_shape_key(thing, "canonical", carry.to_local(thing, places)).value = 1
+            local = carry.to_local(thing.matrix_world, places[carry.welded(thing)[1]])
+            carry.set_shape_key(thing, "canonical", local).value = 1
 
         return change
 

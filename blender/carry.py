@@ -11,31 +11,68 @@ from unbend.errors import InputError
 LANDMARK = "landmark"  # the vertex groups whose names begin with it are landmarks
 _GREY = (0.5, 0.5, 0.5, 1.0)
 _SMOOTHINGS = 3
+_MOST_UVS = 8  # maps that Blender gives a mesh
+_FLAT = 1e-6  # volume of a unit cube that an object's matrix has made flat
 
 
 def to_mesh(thing) -> unbend.Mesh:
-    """Take an object's original mesh, without modifiers and shape keys, in world coordinates."""
-    mesh = thing.data
-    mesh.calc_loop_triangles()
-    places = np.empty(3 * len(mesh.vertices))
-    mesh.vertices.foreach_get("co", places)
-    faces = np.empty(3 * len(mesh.loop_triangles), dtype=np.int32)
-    mesh.loop_triangles.foreach_get("vertices", faces)
-    matrix = np.array(thing.matrix_world)
-    faces = faces.reshape(-1, 3)
-    volume = np.linalg.det(matrix[:3, :3])
-    if volume == 0:
+    """Take an object's original mesh, without modifiers and shape keys, in world coordinates.
+
+    Vertices at one place are one.
+    """
+    first, number = welded(thing)
+    faces = number[_corners(thing.data)[0]]
+    matrix = np.array(thing.matrix_world)[:3, :3]
+    volume = np.linalg.det(matrix)
+    if abs(volume) <= _FLAT * np.linalg.norm(matrix, axis=0).prod():
         raise InputError(f"{thing.name}: its scale is zero along an axis; set another scale")
     if volume < 0:  # mirrored: turned inside out
         faces = faces[:, ::-1]
-    places = places.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
-    return unbend.Mesh(places, faces, name=thing.name)
+    return unbend.Mesh(to_world(thing)[first], faces, name=thing.name)
 
 
-def to_local(thing, places: np.ndarray) -> np.ndarray:
-    """Turn world coordinates into those of an object."""
-    back = np.linalg.inv(np.array(thing.matrix_world))
+def welded(thing) -> tuple[np.ndarray, np.ndarray]:
+    """Give the first vertex at each place, and for each vertex which place it is at.
+
+    Imports cut meshes along the seams of their UV maps.
+    """
+    places = _points(thing.data.vertices).astype(np.float32) + 0  # -0.0 is 0.0
+    _, first, number = np.unique(places, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    return first[order], np.argsort(order)[number.ravel()]
+
+
+def to_world(thing) -> np.ndarray:
+    """Give the original vertices of an object in world coordinates."""
+    matrix = np.array(thing.matrix_world)
+    return _points(thing.data.vertices) @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def to_local(matrix, places: np.ndarray) -> np.ndarray:
+    """Turn world coordinates into those of an object that has this matrix."""
+    back = np.linalg.inv(np.array(matrix))
     return places @ back[:3, :3].T + back[:3, 3]
+
+
+def check_changeable(thing) -> None:
+    """Refuse an object whose mesh is linked: what it gets is lost on saving."""
+    if thing.data.library is not None:
+        raise InputError(f"{thing.name}: its mesh is linked from a library; make it local first")
+
+
+def check_room(source, target, uvs: bool, shape_keys: bool) -> None:
+    """Refuse a target that cannot take what the source has."""
+    check_changeable(target)
+    if source.data == target.data:
+        raise InputError(f"{source.name} and {target.name} share one mesh; make it a single user")
+    names = {layer.name for one in (source, target) for layer in one.data.uv_layers}
+    if uvs and len(names) > _MOST_UVS:
+        raise InputError(
+            f"{target.name}: with those of {source.name} it would have {len(names)} UV maps; "
+            f"Blender takes {_MOST_UVS}: remove some, or do not transfer them"
+        )
+    if shape_keys and source.data.shape_keys and not target.data.edges:
+        raise InputError(f"{target.name}: it has no faces, which shape keys need; leave them out")
 
 
 def landmarks(thing) -> dict[str, int]:
@@ -44,7 +81,8 @@ def landmarks(thing) -> dict[str, int]:
     names = [group.name for group in thing.vertex_groups]
     for vertex in thing.data.vertices:
         for one in vertex.groups:
-            name = names[one.group]
+            # Weights may outlive their groups.
+            name = names[one.group] if one.group < len(names) else ""
             if name.startswith(LANDMARK):
                 found[name] = max(found.get(name, (0, -1)), (one.weight, vertex.index))
     return {name: index for name, (_, index) in found.items() if index >= 0}
@@ -55,7 +93,10 @@ def set_shape_key(thing, name: str, places: np.ndarray):
     if thing.data.shape_keys is None:
         thing.shape_key_add(name="Basis", from_mix=False)
     blocks = thing.data.shape_keys.key_blocks
-    key = blocks.get(name) or thing.shape_key_add(name=name, from_mix=False)
+    key = blocks.get(name)
+    if key is None or key == thing.data.shape_keys.reference_key:
+        key = thing.shape_key_add(name=name, from_mix=False)
+    key.relative_key = thing.data.shape_keys.reference_key
     key.data.foreach_set("co", places.ravel())
     thing.data.update()
     return key
@@ -65,10 +106,12 @@ def set_colors(
     data, name: str, values: np.ndarray, kind="BYTE_COLOR", domain="POINT", field="color"
 ):
     """Give a mesh a colour attribute, rows of RGBA; one of that name is replaced."""
-    old = data.color_attributes.get(name)
-    if old is not None:
-        data.color_attributes.remove(old)
-    new = data.color_attributes.new(name, kind, domain)
+    new = data.attributes.get(name)
+    if new is not None and (new.data_type, new.domain) != (kind, domain):
+        data.attributes.remove(new)
+        new = None
+    if new is None:
+        new = data.color_attributes.new(name, kind, domain)
     new.data.foreach_set(field, values.ravel())
     return new
 
@@ -79,15 +122,14 @@ def carry_vertex_groups(source, target, carry) -> None:
     weights = np.zeros((n, len(source.vertex_groups)))
     for vertex in source.data.vertices:
         for one in vertex.groups:
-            weights[vertex.index, one.group] = one.weight
+            if one.group < weights.shape[1]:
+                weights[vertex.index, one.group] = one.weight
     carried = np.nan_to_num(carry(weights))
     for group, column in zip(source.vertex_groups, carried.T, strict=True):
         if group.name.startswith(LANDMARK):
             continue
-        old = target.vertex_groups.get(group.name)
-        if old is not None:
-            target.vertex_groups.remove(old)
-        new = target.vertex_groups.new(name=group.name)
+        new = target.vertex_groups.get(group.name) or target.vertex_groups.new(name=group.name)
+        new.remove(range(len(target.data.vertices)))
         for vertex in np.flatnonzero(column > 1e-4).tolist():
             new.add([vertex], float(column[vertex]), "REPLACE")
 
@@ -98,7 +140,10 @@ def carry_uvs(source, target, places: np.ndarray) -> None:
     `places` has, for each of the target's vertices, where it is on the source.
     """
     corners, loops = _corners(source.data)
-    vertices = to_mesh(source).vertices
+    if not len(corners):
+        return
+    vertices = to_world(source)
+    shown = None if target.data.uv_layers else source.data.uv_layers.active.name
     ends, polygons = _loops(target.data)
     middles = _middles(places, ends, polygons)
     known = np.isfinite(middles).all(axis=1)[polygons]
@@ -117,8 +162,15 @@ def carry_uvs(source, target, places: np.ndarray) -> None:
             nearest = triangles[nearest]
             shares = _shares(spots, vertices[corners[nearest]])
             found[rows] = np.einsum("nc,ncd->nd", shares, uvs[loops[nearest]])
-        new = target.data.uv_layers.get(layer.name) or target.data.uv_layers.new(name=layer.name)
+        new = target.data.uv_layers.get(layer.name)
+        if new is None:
+            other = target.data.attributes.get(layer.name)
+            if other is not None:
+                target.data.attributes.remove(other)
+            new = target.data.uv_layers.new(name=layer.name)
         new.uv.foreach_set("vector", found.ravel())
+    if shown is not None:
+        target.data.uv_layers.active = target.data.uv_layers[shown]
 
 
 def carry_colors(source, target, places: np.ndarray, carry) -> None:
@@ -133,10 +185,12 @@ def carry_colors(source, target, places: np.ndarray, carry) -> None:
         values = values.reshape(-1, 4)
         if layer.domain == "POINT":
             found = carry(values)
+        elif not len(corners):
+            continue
         else:
             ends, polygons = _loops(target.data)
             inside = 0.9 * places[ends] + 0.1 * _middles(places, ends, polygons)[polygons]
-            vertices = to_mesh(source).vertices
+            vertices = to_world(source)
             nearest, spots = _nearest(vertices, corners, inside)
             shares = _shares(spots, vertices[corners[nearest]])
             found = np.einsum("nc,ncd->nd", shares, values[loops[nearest]])
@@ -153,17 +207,21 @@ def carry_shape_keys(source, target, places: np.ndarray, carry) -> None:
     blocks = source.data.shape_keys.key_blocks
     if target.data.shape_keys is None:
         target.shape_key_add(name=blocks[0].name)
-    basis = _points(target.data.shape_keys.key_blocks[0])
+    basis = _points(target.data.shape_keys.key_blocks[0].data)
     for block in blocks[1:]:
-        moved = (_points(block) - _points(block.relative_key)) @ out.T
+        moved = (_points(block.data) - _points(block.relative_key.data)) @ out.T
         carried = np.einsum("vij,vj->vi", turns, np.nan_to_num(carry(moved)))
         new = set_shape_key(target, block.name, basis + carried @ back.T)
-        new.slider_min, new.slider_max, new.value = block.slider_min, block.slider_max, block.value
+        new.slider_min = -10  # the least, so that any greatest one is above it
+        new.slider_max, new.slider_min = block.slider_max, block.slider_min
+        new.value, new.mute = block.value, block.mute
+        if block.vertex_group in target.vertex_groups:
+            new.vertex_group = block.vertex_group
 
 
-def _points(block) -> np.ndarray:
-    found = np.empty(3 * len(block.data))
-    block.data.foreach_get("co", found)
+def _points(items) -> np.ndarray:
+    found = np.empty(3 * len(items))
+    items.foreach_get("co", found)
     return found.reshape(-1, 3)
 
 
@@ -224,8 +282,10 @@ def _turns(places: np.ndarray, target) -> np.ndarray:
     """For each vertex of the target, how its neighbourhood on the source is turned and scaled."""
     edges = np.empty(2 * len(target.data.edges), dtype=np.int32)
     target.data.edges.foreach_get("vertices", edges)
-    i, j = np.concatenate([edges.reshape(-1, 2), edges.reshape(-1, 2)[:, ::-1]]).T
-    stands = to_mesh(target).vertices
+    first, number = welded(target)
+    edges = number[edges.reshape(-1, 2)]
+    i, j = np.concatenate([edges, edges[:, ::-1]]).T
+    places, stands = places[first], to_world(target)[first]
     here, there = places[j] - places[i], stands[j] - stands[i]
     known = np.isfinite(here).all(axis=1)
     i, j, here, there = i[known], j[known], here[known], there[known]
@@ -237,4 +297,4 @@ def _turns(places: np.ndarray, target) -> np.ndarray:
         ).reshape(-1, 3, 3)
     left, _, right = np.linalg.svd(sums)
     left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
-    return (left @ right) * np.sqrt((there**2).sum() / (here**2).sum())
+    return ((left @ right) * np.sqrt((there**2).sum() / (here**2).sum()))[number]

@@ -7,11 +7,13 @@ import pytest
 
 from unbend import Mesh, write_mesh
 from unbend.datasets import make_quadruped, make_sphere
+from unbend.errors import UnbendWarning
 from unbend.mesh import vertex_normals
 from unbend.report import match_colors
 
 bpy = pytest.importorskip("bpy", reason="no Blender here: pip install bpy, for a Python it is for")
 
+import bmesh  # noqa: E402 (part of bpy)
 from mathutils import Vector  # noqa: E402 (part of bpy)
 
 STANDING = make_quadruped("standing", n_vertices=1500)
@@ -276,3 +278,162 @@ def test_blender_sees_the_colours_that_we_write(tmp_path: Path, suffix: str) -> 
         where = np.empty(len(data.loops), dtype=np.int32)
         data.loops.foreach_get("vertex_index", where)
     np.testing.assert_allclose(seen, colors[where], atol=1)
+
+
+@pytest.fixture
+def dogs():
+    """Two small dogs of one body, the standing one with a vertex group for each part."""
+    found = [make_quadruped(pose, n_vertices=600) for pose in ("standing", "walking")]
+    source, target = (make_object(one.mesh.name, one.mesh) for one in found)
+    for part in range(found[0].labels.max() + 1):
+        group = source.vertex_groups.new(name=f"part {part}")
+        group.add(np.flatnonzero(found[0].labels == part).tolist(), 1.0, "REPLACE")
+    return source, target, found[0]
+
+
+def parts_of(thing) -> np.ndarray:
+    weights = np.zeros((len(thing.data.vertices), len(thing.vertex_groups)))
+    for vertex in thing.data.vertices:
+        for one in vertex.groups:
+            weights[vertex.index, one.group] = one.weight
+    numbers = np.array([int(group.name.split()[1]) for group in thing.vertex_groups])
+    return numbers[weights.argmax(axis=1)]
+
+
+def test_what_an_import_cut_along_seams_is_matched_as_a_whole(dogs) -> None:
+    source, _, shape = dogs
+    faces, places = shape.mesh.faces, shape.mesh.vertices
+    right = places[faces].mean(axis=1)[:, 0] < 0
+    halves = [np.unique(faces[side]) for side in (right, ~right)]
+    order = np.concatenate(halves)
+    cut = np.concatenate(
+        [
+            np.searchsorted(half, faces[side]) + start
+            for half, side, start in zip(halves, (right, ~right), (0, len(halves[0])), strict=True)
+        ]
+    )
+    assert len(order) > 600
+    target = make_object("imported", Mesh(places[order], cut))
+    select(source, target)
+    bpy.ops.object.unbend_transfer()
+    np.testing.assert_array_equal(parts_of(target), shape.labels[order])
+    bpy.ops.object.unbend_match()
+    partners = values_of(target.data.attributes["unbend_partner"].data, "value")
+    np.testing.assert_array_equal(partners, order)
+    select(target)
+    assert bpy.ops.object.unbend_canonical() == {"FINISHED"}
+
+
+def test_a_sheared_template_lies_on_the_scan(dogs) -> None:
+    source, target, _ = dogs
+    parent = bpy.data.objects.new("parent", None)
+    bpy.context.collection.objects.link(parent)
+    parent.scale, source.parent, source.rotation_euler = (1, 3, 1), parent, (0.6, 0.3, 0.8)
+    select(source, target)
+    bpy.ops.object.unbend_register()
+    made = bpy.data.objects[f"{source.name} on {target.name}"]
+    bpy.context.view_layer.update()
+    for place in values_of(made.data.vertices, "co", 3)[::40]:
+        there = target.matrix_world.inverted() @ made.matrix_world @ Vector(place)
+        assert (target.closest_point_on_mesh(there)[1] - there).length < 0.02
+
+
+def test_each_place_that_any_of_the_others_has_is_painted(dogs) -> None:
+    source, target, shape = dogs
+    back = shape.mesh.vertices[shape.mesh.faces].mean(axis=1)
+    front = make_object(
+        "front", Mesh(shape.mesh.vertices, shape.mesh.faces[back[:, 2] > np.median(back[:, 2])])
+    )
+    select(source, target, front)
+    bpy.ops.object.unbend_match()
+    ours, theirs = (
+        values_of(one.data.color_attributes["unbend_match"].data, "color_srgb", 4)
+        for one in (source, target)
+    )
+    partners = values_of(target.data.attributes["unbend_partner"].data, "value")
+    assert np.quantile(np.abs(ours[partners] - theirs).max(axis=1), 0.95) < 0.1
+
+
+def test_what_a_target_cannot_take_is_refused_before_anything_changes(dogs) -> None:
+    source, target, _ = dogs
+    for i in range(8):
+        target.data.uv_layers.new(name=f"map {i}")
+    source.data.uv_layers.new(name="atlas")
+    select(source, target)
+    with pytest.raises(RuntimeError, match="it would have 9 UV maps"):
+        bpy.ops.object.unbend_transfer()
+    assert not target.vertex_groups
+    twin = bpy.data.objects.new("twin", source.data)
+    bpy.context.collection.objects.link(twin)
+    select(source, twin)
+    with pytest.raises(RuntimeError, match="share one mesh"):
+        bpy.ops.object.unbend_transfer()
+    assert source.vertex_groups
+    source.shape_key_add(name="Basis")
+    dots = make_object("dots", Mesh(make_quadruped("walking", n_vertices=4000).mesh.vertices))
+    select(source, dots)
+    with pytest.raises(RuntimeError, match="which shape keys need"):
+        bpy.ops.object.unbend_transfer()
+
+
+def test_what_is_linked_is_refused(dogs, tmp_path: Path) -> None:
+    source, target, _ = dogs
+    file, name = str(tmp_path / "library.blend"), target.name
+    bpy.data.libraries.write(file, {target})
+    bpy.data.objects.remove(target)
+    with bpy.data.libraries.load(file, link=True) as (_, wanted):
+        wanted.objects = [name]
+    (linked,) = wanted.objects
+    bpy.context.collection.objects.link(linked)
+    select(source, linked)
+    for operator in (bpy.ops.object.unbend_transfer, bpy.ops.object.unbend_match):
+        with pytest.raises(RuntimeError, match="its mesh is linked from a library"):
+            operator()
+
+
+def test_shape_keys_leave_the_rest_shape_and_keep_their_settings(dogs) -> None:
+    source, target, _ = dogs
+    for name in ("Basis", "fat"):
+        source.shape_key_add(name=name)
+    fat = source.data.shape_keys.key_blocks["fat"]
+    fat.data.foreach_set("co", 1.1 * values_of(source.data.vertices, "co", 3).ravel())
+    fat.slider_max, fat.slider_min, fat.mute = 3, 2, True
+    rest = target.shape_key_add(name="fat")
+    before = values_of(rest.data, "co", 3)
+    select(source, target)
+    bpy.ops.object.unbend_transfer()
+    first, second = target.data.shape_keys.key_blocks
+    np.testing.assert_array_equal(values_of(first.data, "co", 3), before)
+    assert (second.slider_min, second.slider_max, second.mute) == (2, 3, True)
+    assert second.relative_key == first
+
+
+def test_groups_keep_their_lock_and_weights_without_a_group_are_nobodys(dogs) -> None:
+    source, target, _ = dogs
+    for name in ("own", "part 0"):
+        target.vertex_groups.new(name=name)
+    target.vertex_groups["part 0"].lock_weight = True
+    select(source, target)
+    bpy.ops.object.unbend_transfer()
+    assert [group.name for group in target.vertex_groups][:2] == ["own", "part 0"]
+    assert target.vertex_groups["part 0"].lock_weight
+    form = bmesh.new()
+    form.from_mesh(source.data)
+    form.to_mesh(bpy.data.meshes.new("copy"))
+    lone = bpy.data.objects.new("lone", bpy.data.meshes["copy"])
+    bpy.context.collection.objects.link(lone)
+    assert lone.data.vertices[0].groups
+    select(lone, target)
+    assert bpy.ops.object.unbend_transfer() == {"FINISHED"}
+
+
+def test_a_wrong_landmark_is_named_each_time(dogs, extension) -> None:
+    source, target, shape = dogs
+    far = np.argsort(shape.mesh.vertices[:, 2])
+    places = {"a": (far[0],) * 2, "b": (far[-1],) * 2, "c": (far[300],) * 2, "d": (far[5], far[-5])}
+    for name, pair in places.items():
+        for one, vertex in zip((source, target), pair, strict=True):
+            one.vertex_groups.new(name=f"landmark {name}").add([int(vertex)], 1.0, "REPLACE")
+    for _ in range(2):
+        with pytest.warns(UnbendWarning, match='^"landmark d" is ignored'):
+            extension.find_match(source, target)
