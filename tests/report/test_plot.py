@@ -48,6 +48,18 @@ def test_everything_can_be_drawn(things, name, tmp_path):
     figure.savefig(tmp_path / "picture.png", dpi=30)
     assert figure.axes
     assert (tmp_path / "picture.png").stat().st_size > 1000
+    assert figure._repr_png_().startswith(b"\x89PNG")  # what notebooks ask for
+
+
+def test_the_table_of_a_match_tells_what_is_left_out_and_what_is_mirrored(things):
+    html = things["match"]._repr_html_()
+    assert "another map" in html
+    assert "right side out" in html
+    assert "overlap" not in html
+    other = replace(things["match"], orientation=-1.0, overlap_target=0.57)._repr_html_()
+    assert "<td>100% of the source&#x27;s area, 57% of the target&#x27;s</td>" in other
+    assert "mirrored" in other
+    assert "right side out" not in other
 
 
 def test_a_plotted_match_is_its_functional_map(things):

@@ -245,7 +245,8 @@ def _average(numbers: FloatArray, corners: IntArray, shares: FloatArray) -> Floa
     for corner, share in zip(corners.T, shares.T, strict=True):
         weight = share.reshape(-1, *[1] * (numbers.ndim - 1))
         # The NaN of a corner without a share must not enter the mean.
-        carried += np.where(weight > 0, weight * numbers[corner], 0)
+        with np.errstate(invalid="ignore"):  # the mean of both infinities is NaN
+            carried += np.where(weight > 0, weight * numbers[corner], 0)
     return carried
 
 

@@ -131,14 +131,21 @@ class Match:
 
     def _repr_html_(self) -> str:
         matched, n = int((self.source_to_target >= 0).sum()), len(self.source_to_target)
-        unknown = math.isnan(self.confidence)
+        unknown, mirror = math.isnan(self.confidence), self.orientation < 0
+        kept, there, back = (
+            (1 + abs(self.orientation)) / 2,
+            self.overlap_source,
+            self.overlap_target,
+        )
+        overlap = ("overlap", f"{there:.0%} of the source's area, {back:.0%} of the target's")
         rows = [
             ("match", f"{matched:,} of {n:,} vertices, to {len(self.target_to_source):,}"),
+            *([overlap] if min(there, back) < 1 else []),
             ("confidence", "not estimated" if unknown else f"{self.confidence:.2f}"),
-            ("right side out", f"{(1 + self.orientation) / 2:.0%} of the surface"),
+            ("mirrored" if mirror else "right side out", f"{kept:.0%} of the surface"),
             *(
                 (
-                    "this map" if i == 0 else f"runner-up {i}",
+                    "another map" if i else "this map",
                     f"leaves {one.energy:.1%} of the shapes unexplained",
                 )
                 for i, one in enumerate(self.hypotheses[:5])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import itertools
 from collections.abc import Sequence
 from typing import Any
@@ -66,7 +67,16 @@ def new_figure(width: float, height: float, *, dpi: float = 150) -> Any:
         raise MissingExtraError("matplotlib") from None
     except ValueError as error:
         raise InputError(f"matplotlib does not start; is MPLBACKEND set? {error}") from None
-    figure = Figure(figsize=(width, height), dpi=dpi, facecolor="white")
+
+    class Shown(Figure):
+        """A figure that notebooks show whether or not they have set matplotlib up."""
+
+        def _repr_png_(self) -> bytes:
+            stream = io.BytesIO()
+            self.savefig(stream, format="png")
+            return stream.getvalue()
+
+    figure = Shown(figsize=(width, height), dpi=dpi, facecolor="white")
     FigureCanvasAgg(figure)
     return figure
 
