@@ -350,7 +350,10 @@ def test_similarity_of_shapes_meshed_apart(folder: Path, tmp_path: Path) -> None
     page, shapes = tmp_path / "page.html", (folder / "b.ply", tmp_path / "octopus.ply")
     options = ("--n-components", 8, "--report", page, "--json")
     done = right("similarity", folder / "a.ply", *shapes, *options)
-    pair, other = json.loads(done.stdout)["pairs"]
+    told = json.loads(done.stdout)
+    assert told["warnings"]
+    assert all(one.startswith("a.ply to octopus.ply: ") for one in told["warnings"])
+    pair, other = told["pairs"]
     assert pair["similarity"] > 0.97
     assert pair["confidence"] > 0.6 > other["confidence"]
     html = page.read_text(encoding="utf-8")
