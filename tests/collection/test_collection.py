@@ -18,7 +18,7 @@ import pytest
 
 from stones import BALL, rows_of, write_stones
 from unbend import Mesh, read_mesh, write_mesh
-from unbend.collection import Collection, Failure, Hit, _collection, _store, descriptor
+from unbend.collection import Collection, Failure, Hit, _collection, _ranking, _store, descriptor
 from unbend.collection._engine import Outcome
 from unbend.errors import FileError, InputError, MeshError, MissingExtraError
 
@@ -171,12 +171,12 @@ def test_matches_rank_by_their_best_energy_then_by_distance(
             hypotheses=[SimpleNamespace(energy=energies[path] + i) for i in (0, 1)]
         )
 
-    monkeypatch.setattr(_collection, "find_file", lambda hit, store: hit.path)
-    monkeypatch.setattr(_collection, "read_mesh", lambda path: path)
-    monkeypatch.setattr(_collection, "match", match)
+    monkeypatch.setattr(_ranking, "find_file", lambda hit, store: hit.path)
+    monkeypatch.setattr(_ranking, "read_mesh", lambda path: path)
+    monkeypatch.setattr(_ranking, "match", match)
     told = []
     hits = [Hit(path=path, id=path, distance=4 - i) for i, path in enumerate("abcd")]
-    found = _collection._rank_by_match(BALL, hits, "store", lambda *at: told.append(at))
+    found = _ranking.rank_by_match(BALL, hits, "store", lambda *at: told.append(at))
     assert [hit.path for hit in found] == ["d", "b", "a", "c"]
     assert [hit.reranked for hit in found] == [0.1, 0.1, 0.3, math.inf]
     assert told == [(f"matching {i + 1} of 4", i / 4) for i in range(4)]
@@ -220,7 +220,7 @@ def test_only_a_large_collection_gets_an_index_and_only_where_asked(
 def test_twice_as_many_as_asked_for_are_matched(
     filled: Collection, stones: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(_collection, "_rank_by_match", lambda query, hits, *rest: hits[::-1])
+    monkeypatch.setattr(_collection, "rank_by_match", lambda query, hits, *rest: hits[::-1])
     path = stones / "stone05.ply"
     best = filled.search(path, 8)
     assert filled.search(path, 4, rerank="match") == best[:3:-1]

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from unbend import Mesh, read_mesh
 from unbend.collection import Failure, MeanShape, mean_shape, shape_statistics, write_mean
-from unbend.collection._statistics import draw_components
+from unbend.collection._mean import draw_components
 from unbend.correspondence import Registration, register
 from unbend.datasets import make_biped, make_sphere, rest_map
 from unbend.errors import FileError, InputError, UnbendWarning

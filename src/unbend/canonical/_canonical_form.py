@@ -17,6 +17,7 @@ from unbend._parallel import one_blas_thread
 from unbend._types import FloatArray, Progress
 from unbend.canonical._interpolation import distance_coefficients
 from unbend.canonical._mds import area_scaling, exact_scaling, sampled_scaling
+from unbend.canonical._quality import check_axes, eigenvalue_notes, stress_of
 from unbend.canonical._sampling import shape_end, spread_samples
 from unbend.choices import DistanceKind, Interpolation, LaplacianKind, Weighting
 from unbend.distances import (
@@ -28,15 +29,12 @@ from unbend.distances import (
     spectral_filter,
     truncated_metric,
 )
-from unbend.errors import InputError, SolverError, warn
+from unbend.errors import InputError, warn
 from unbend.io import MeshLike
 from unbend.spectral import Surface, eigenpairs, make_surface
 
 # Vectors in memory for each dimension of an exact form, as measured for 3 to 100 dimensions.
 _FORM_COLUMNS = 16
-_STRESS_VERTICES = 32  # the stress is over all pairs of so many random vertices
-# Tolerance for columns' lengths, right angles and centres, as a share of the largest eigenvalue.
-_SKEW = 1e-6
 # Eigenvalues that differ by at most this share count as equal. Input in single precision splits
 # double eigenvalues by less than the first; samples split most by less than the second.
 _EQUAL = {"exact": 1e-6, "sampled": 5e-4}
@@ -310,13 +308,13 @@ def _form(
     points = points[:, :d].copy()
     by_area = options.weighting == "area"
     weights = surface.operator.areas if by_area else np.ones(len(points))
-    _check_axes(points, values[:d], weights, surface.mesh.name)
+    check_axes(points, values[:d], weights, surface.mesh.name)
     with steps("stress"):
-        stress = _stress(points, metric, options.random_state)
+        stress = stress_of(points, metric, options.random_state)
     if options.keep_scale:
         unit = surface.area ** (length_power(options.distance) / 2)
         points, values = points * unit, values * unit**2
-    notes = _eigenvalue_notes(values, d, _EQUAL[method])
+    notes = eigenvalue_notes(values, d, _EQUAL[method])
     for note in notes:
         warn(f"{surface.mesh.name}: {note}")
     return CanonicalForm(
@@ -365,51 +363,3 @@ def _sampled(surface: Surface, metric: Metric, options: _Options, steps: _Steps)
         )
     with steps("scaling"), one_blas_thread():
         return sampled_scaling(coefficients, spectrum, options.n_components + 1, options.weighting)
-
-
-def _check_axes(
-    points: FloatArray, eigenvalues: FloatArray, weights: FloatArray, name: str
-) -> None:
-    """Check that the form is centred and its columns are its principal axes."""
-    if eigenvalues.max() <= 0:
-        raise SolverError(
-            f"{name}: all points of the form coincide, because its distances are lost in rounding"
-        )
-    weighted, largest = points * weights[:, None], float(eigenvalues.max())
-    apart = points.T @ weighted - np.diag(np.maximum(eigenvalues, 0))
-    middle = weighted.sum(axis=0) / np.sqrt(largest * weights.sum())
-    skew = max(float(np.abs(apart).max()) / largest, float(np.abs(middle).max()))
-    if not skew <= _SKEW:
-        raise SolverError(
-            f"{name}: the form's columns miss their eigenvalues, each other's right angles or the "
-            f"middle by {skew:.1e} of the largest eigenvalue"
-        )
-
-
-def _stress(points: FloatArray, metric: Metric, random_state: int) -> float:
-    order = np.random.default_rng(random_state).permutation(len(points))
-    some = np.sort(order[:_STRESS_VERTICES])
-    distances = metric.between(some)
-    straight = np.linalg.norm(points[some][:, None] - points[some], axis=2)
-    return float(np.sqrt(((distances - straight) ** 2).sum() / (distances**2).sum()))
-
-
-def _eigenvalue_notes(values: FloatArray, d: int, equal: float) -> tuple[str, ...]:
-    """Describe problems of the first d eigenvalues, by the next one if it is known."""
-    notes = []
-    negative = int((values[:d] < 0).sum())
-    if negative:
-        notes.append(
-            f"{negative} of the {d} leading eigenvalues are negative (these distances are not "
-            "Euclidean); their coordinates are zero"
-        )
-    apart = values[:-1] - values[1:] > equal * values[:-1]
-    if len(values) > d and values[d] > 0 and not apart[d - 1]:
-        fewer = np.flatnonzero(apart[: d - 1]) + 1
-        choices = " or ".join(str(n) for n in (*fewer[-1:], d + 1))
-        notes.append(
-            f"eigenvalues {d} and {d + 1} are nearly equal ({values[d - 1]:.6g} and "
-            f"{values[d]:.6g}), so the form holds an arbitrary part of their eigenspace; use "
-            f"n_components={choices}"
-        )
-    return tuple(notes)

@@ -10,6 +10,7 @@ from unbend.collection._files import (
     warn_of_others,
 )
 from unbend.collection._groups import find_groups
+from unbend.collection._mean import MeanShape, mean_shape, write_mean
 from unbend.collection._registering import read_registrations, register_files
 from unbend.collection._retrieval import Retrieval, read_labels, retrieval_measures
 from unbend.collection._rows import (
@@ -22,13 +23,7 @@ from unbend.collection._rows import (
     Registered,
     RegisteredShape,
 )
-from unbend.collection._statistics import (
-    MeanShape,
-    Statistics,
-    mean_shape,
-    shape_statistics,
-    write_mean,
-)
+from unbend.collection._statistics import Statistics, shape_statistics
 from unbend.collection._store import check_outside
 
 __all__ = [

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import os
-import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -15,20 +12,17 @@ import numpy.typing as npt
 from unbend._arrays import check_whole
 from unbend._memory import available_memory
 from unbend._types import FloatArray, Progress, StrPath
-from unbend.alignment import align
 from unbend.choices import Rerank
 from unbend.collection._adding import add_files
 from unbend.collection._descriptor import describe, make_basis, sample_form
 from unbend.collection._engine import engine
-from unbend.collection._files import find_file
 from unbend.collection._pairs import match_pairs
+from unbend.collection._ranking import rank_by_form, rank_by_match
 from unbend.collection._registering import register_collection
 from unbend.collection._rows import Added, Entry, Hit, Info, Matched, Registered
 from unbend.collection._store import Store, among, check_outside
-from unbend.errors import FileError, InputError, UnbendError, UnbendWarning, warn
-from unbend.io import MeshLike, as_mesh, check_writable, read_mesh
-from unbend.matching import match
-from unbend.mesh import Mesh
+from unbend.errors import InputError
+from unbend.io import MeshLike, as_mesh, check_writable
 
 _LEAST_INDEXED = 10_000  # rows: with fewer an index finds nothing sooner
 
@@ -194,8 +188,8 @@ class Collection:
         if rerank == "none":
             return hits
         if rerank == "form":
-            return _rank_by_form(sample_form(basis), hits, self._store)[:n]
-        return _rank_by_match(query, hits, self.path, progress)[:n]
+            return rank_by_form(sample_form(basis), hits, self._store)[:n]
+        return rank_by_match(query, hits, self.path, progress)[:n]
 
     def distances(self) -> tuple[list[Entry], FloatArray]:
         """Compare every shape with every other by descriptor.
@@ -383,36 +377,3 @@ class Collection:
         check_writable(path, (".parquet", ".csv"))
         self._store.check_filled()
         return self._store.export(path)
-
-
-def _rank_by_form(own: FloatArray, hits: Sequence[Hit], store: Store) -> list[Hit]:
-    """Rank by the root mean square distance of aligned canonical forms."""
-    rows = store.select(["id", "form"], among("id", [hit.id for hit in hits]))
-    forms = {row["id"]: np.reshape(row["form"], own.shape) for row in rows}
-    there = [hit for hit in hits if hit.id in forms]  # another process may have removed others
-    return _ranked(there, [align(own, forms[hit.id]).residual for hit in there])
-
-
-def _rank_by_match(
-    query: Mesh, hits: Sequence[Hit], store: str, progress: Progress | None
-) -> list[Hit]:
-    """Rank by the energy of each match; shapes that cannot be matched or read come last."""
-    energies = []
-    for i, hit in enumerate(hits):
-        if progress is not None:
-            progress(f"matching {i + 1} of {len(hits)}", i / len(hits))
-        energies.append(math.inf)
-        try:
-            path = find_file(hit, store)
-        except FileError as error:
-            warn(f"{error}; until then it comes last")
-            continue
-        with warnings.catch_warnings(), suppress(UnbendError):
-            warnings.simplefilter("ignore", UnbendWarning)
-            energies[-1] = match(query, read_mesh(path)).hypotheses[0].energy
-    return _ranked(hits, energies)
-
-
-def _ranked(hits: Sequence[Hit], values: Sequence[float]) -> list[Hit]:
-    ranked = [replace(hit, reranked=value) for hit, value in zip(hits, values, strict=True)]
-    return sorted(ranked, key=lambda hit: (hit.reranked, hit.distance))

@@ -2,32 +2,21 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable
-from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from unbend._arrays import check_whole, is_number, is_whole, numbers_of
 from unbend._display import Brief
-from unbend._types import FloatArray, StrPath
+from unbend._types import FloatArray
 from unbend.alignment import procrustes
-from unbend.collection._files import make_folder
-from unbend.collection._rows import Failure
-from unbend.correspondence import Registration
-from unbend.errors import InputError, MissingExtraError, warn
-from unbend.io import MeshLike, as_mesh, value_colors, write_mesh, write_table
-from unbend.mesh import Mesh, vertex_areas
+from unbend.errors import InputError, warn
 
 _ROUNDS = 100
 _SETTLED = 1e-9
 _LEAST_SIZE, _MOST_SIZE = 1e-60, 1e60  # whose fourth powers double precision can hold
 _NOTHING = 1e-12  # a component with less of the mean's own extent, squared, is rounding
-_MOST_RATIO = 10  # of sizes of one kind of shape, in one unit
-_DEVIATIONS, _MOST_DRAWN = 3, 5  # standard deviations up to which components are shown; how many
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -210,202 +199,3 @@ def _fit_together(points: FloatArray, mass: FloatArray) -> FloatArray:
         "be too unlike each other to have one"
     )
     return mean
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class MeanShape(Brief):
-    """Statistics of shapes, on the vertices of a template.
-
-    Attributes
-    ----------
-    template : Mesh
-    statistics : Statistics
-        Of the shapes that count, in the order of `names`.
-    names : tuple of str
-    confidences, coverages : (n_shapes,) ndarray of float64
-        Of their registrations.
-    left_out : tuple of Failure
-        The other shapes, and why.
-    """
-
-    template: Mesh
-    statistics: Statistics
-    names: tuple[str, ...]
-    confidences: FloatArray
-    coverages: FloatArray
-    left_out: tuple[Failure, ...]
-
-    @property
-    def mean(self) -> Mesh:
-        """The mean shape, with the template's faces."""
-        return Mesh(self.statistics.mean, self.template.faces, name="mean")
-
-    def at(self, component: int, deviations: float) -> Mesh:
-        """Move the mean along a component (from 0) by standard deviations; a mesh."""
-        points = self.statistics.at(component, deviations)
-        name = f"component {component + 1} at {deviations:+g}"
-        return Mesh(points, self.template.faces, name=name)
-
-
-def mean_shape(
-    registrations: Iterable[Registration],
-    template: MeshLike,
-    *,
-    n_components: int | None = None,
-    scale: bool = False,
-    min_confidence: float = 0.5,
-    min_coverage: float = 0.5,
-) -> MeanShape:
-    """Mean, principal components and variability of shapes, on the vertices of a template.
-
-    Shapes that do not match the template well are left out and listed. For vertices that correspond
-    already, see :func:`shape_statistics`.
-
-    Parameters
-    ----------
-    registrations : iterable of Registration
-        Of the template to each shape, by :func:`unbend.register`, or in files by
-        :meth:`Collection.register` and :func:`read_registrations`.
-    template : mesh-like
-        A shape of the same kind, in about the same pose.
-    n_components, scale
-        See :func:`shape_statistics`. Points are weighted by their area on the template.
-    min_confidence : float, default=0.5
-        Least confidence of a match. Registrations along maps that were given have none, and stay.
-    min_coverage : float, default=0.5
-        Least share of the template's area that must lie on the shape.
-
-    Returns
-    -------
-    MeanShape
-
-    Raises
-    ------
-    InputError
-        If a registration is not of this template, or fewer than 2 shapes are left; the message
-        says why the first was left out.
-
-    Warns
-    -----
-    UnbendWarning
-        If sizes are kept, and one is more than ten times another.
-
-    Examples
-    --------
-    >>> from unbend import register
-    >>> from unbend.collection import mean_shape
-    >>> from unbend.datasets import make_biped
-    >>> template = make_biped("standing", n_vertices=500).mesh
-    >>> people = [make_biped("standing", n_vertices=500, legs=legs).mesh for legs in (0.9, 1.1)]
-    >>> found = mean_shape([register(template, one) for one in people], template)
-    >>> found.mean, found.left_out
-    (Mesh(500 vertices, 996 faces), ())
-    """
-    for name, share in (("min_confidence", min_confidence), ("min_coverage", min_coverage)):
-        if not is_number(share) or not 0 <= share <= 1:
-            raise InputError(f"{name} must be from 0 to 1, not {share!r}")
-    template = as_mesh(template)
-    kept: list[Registration] = []
-    left_out: list[Failure] = []
-    for one in registrations:
-        if not isinstance(one, Registration):
-            raise InputError(f"mean_shape needs Registrations, not {type(one).__name__}")
-        if not np.array_equal(one.mesh.faces, template.faces):
-            raise InputError(f"{one.mesh.name}: is not registered to {template.name}")
-        if one.confidence < min_confidence:
-            reason = f"the match's confidence is {one.confidence:.4g}, less than {min_confidence:g}"
-        elif one.coverage < min_coverage:
-            covered = f"{100 * one.coverage:.4g}% of the template lies on it"
-            reason = f"{covered}, less than {100 * min_coverage:g}%"
-        else:
-            kept.append(one)
-            continue
-        left_out.append(Failure(one.mesh.name, reason))
-    if len(kept) < 2:
-        why = f"; {left_out[0].path} was left out: {left_out[0].reason}" if left_out else ""
-        raise InputError(f"statistics need at least 2 shapes, and {len(kept)} are left{why}")
-    weights = vertex_areas(template)
-    placed = []  # as the template is, so that the mean is, too
-    for points in (one.mesh.vertices for one in kept):
-        turn, _ = procrustes(points, template.vertices, weights=weights, reflect=False)
-        placed.append(points @ turn.T)
-    statistics = shape_statistics(placed, weights=weights, n_components=n_components, scale=scale)
-    names = tuple(one.mesh.name for one in kept)
-    least, most = int(statistics.sizes.argmin()), int(statistics.sizes.argmax())
-    ratio = statistics.sizes[most] / statistics.sizes[least]
-    if ratio > _MOST_RATIO and not scale:
-        warn(
-            f"{names[most]} is {ratio:,.0f} times as large as {names[least]}: they may be in "
-            "different units; use one, or remove sizes with scale=True (--scale)"
-        )
-    confidences = np.array([one.confidence for one in kept])
-    coverages = np.array([one.coverage for one in kept])
-    return MeanShape(template, statistics, names, confidences, coverages, tuple(left_out))
-
-
-def write_mean(folder: StrPath, found: MeanShape) -> tuple[Path, ...]:
-    """Write a mean shape, its components and its tables into a folder.
-
-    Parameters
-    ----------
-    folder : path
-        Made if it does not exist.
-    found : MeanShape
-
-    Returns
-    -------
-    tuple of Path
-        What was written. The picture only where matplotlib is installed.
-
-    Raises
-    ------
-    FileError
-        If something cannot be written.
-    """
-    folder = make_folder(folder)
-    statistics = found.statistics
-    k = len(statistics.variances)
-    spread = statistics.variability
-    colors = value_colors(spread, limits=(0, float(np.nanmax(spread))))
-    written = [folder / "mean.ply"]
-    write_mesh(written[0], found.mean, scalars={"variability": spread}, colors=colors)
-    for i in range(k):
-        for word, deviations in (("minus", -_DEVIATIONS), ("plus", _DEVIATIONS)):
-            written.append(folder / f"component_{i + 1}_{word}.ply")
-            write_mesh(written[-1], found.at(i, deviations))
-    shares = statistics.variances / max(statistics.total_variance, 1e-300)
-    variances = zip(range(1, k + 1), statistics.variances.tolist(), shares.tolist(), strict=True)
-    columns = statistics.sizes, found.confidences, found.coverages, statistics.scores
-    scores = zip(found.names, np.column_stack(columns).tolist(), strict=True)
-    heads = "path", "size", "confidence", "coverage", *(f"score_{i + 1}" for i in range(k))
-    tables: dict[str, list[Iterable[object]]] = {
-        "variances.csv": [("component", "variance", "share"), *variances],
-        "scores.csv": [heads, *((name, *row) for name, row in scores)],
-        "left_out.csv": [("path", "reason"), *((one.path, one.reason) for one in found.left_out)],
-    }
-    for name, rows in tables.items():
-        written.append(folder / name)
-        write_table(written[-1], rows)
-    picture = folder / "components.png"
-    picture.unlink(missing_ok=True)  # of an earlier mean
-    if k:
-        with suppress(MissingExtraError):
-            draw_components(found, picture)
-            written.append(picture)
-    for old in folder.glob("component_*_*.ply"):  # of an earlier mean with more components
-        if re.fullmatch(r"component_\d+_(minus|plus)\.ply", old.name) and old not in written:
-            old.unlink()
-    return tuple(written)
-
-
-def draw_components(found: MeanShape, path: Path) -> None:
-    """Draw the mean as it changes along each of the first components."""
-    from unbend.report.shape_figures import draw_variation
-
-    steps = np.linspace(-_DEVIATIONS, _DEVIATIONS, 5).tolist()
-    shares = found.statistics.variances[:_MOST_DRAWN] / found.statistics.total_variance
-    rows = [
-        (f"component {i + 1}: {share:.0%}", [found.at(i, step) for step in steps])
-        for i, share in enumerate(shares)
-    ]
-    draw_variation(rows, [f"{step:+g} SD" if step else "mean" for step in steps], path)
