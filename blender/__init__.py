@@ -12,7 +12,7 @@ import numpy as np
 
 import unbend
 from unbend.alignment import procrustes
-from unbend.errors import UnbendError, UnbendWarning
+from unbend.errors import UnbendError, UnbendWarning, heard
 from unbend.report import match_colors
 
 from . import carry
@@ -34,15 +34,14 @@ def find_match(source, target, progress=None) -> unbend.Match:
     shape = repr([part.shape for part in parts]).encode()
     key = hashlib.sha256(shape + b"".join(part.tobytes() for part in (*parts, pairs))).digest()
     if key not in _matches:
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always", UnbendWarning)
+        with heard() as said:
             found = unbend.match(
                 *shapes,
                 landmarks=pairs if len(pairs) else None,
                 barycentric=True,
                 progress=progress,
             )
-        _matches[key] = found, [str(one.message) for one in caught]
+        _matches[key] = found, said
         if len(_matches) > _KEPT:
             del _matches[next(iter(_matches))]
     found, said = _matches[key]
@@ -80,8 +79,7 @@ class _Operator:
         window.progress_begin(0, 1)
         self.painted = None  # colours of the active object by the matches so far
         try:
-            with warnings.catch_warnings(record=True) as caught:
-                warnings.simplefilter("always", UnbendWarning)
+            with heard() as said:
                 changes = [
                     self.prepare(active, one, lambda _, share: window.progress_update(share))
                     for one in self.chosen(context)
@@ -91,7 +89,7 @@ class _Operator:
             return {"CANCELLED"}
         finally:
             window.progress_end()
-        for message in dict.fromkeys(str(one.message) for one in caught):
+        for message in said:
             self.report({"WARNING"}, message)
         for change in changes:
             change()

@@ -6,6 +6,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 import unbend
+from unbend._arrays import first_equal_row
 from unbend.errors import InputError
 
 LANDMARK = "landmark"  # the vertex groups whose names begin with it are landmarks
@@ -36,10 +37,7 @@ def welded(thing) -> tuple[np.ndarray, np.ndarray]:
 
     Imports cut meshes along the seams of their UV maps.
     """
-    places = _points(thing.data.vertices).astype(np.float32) + 0  # -0.0 is 0.0
-    _, first, number = np.unique(places, axis=0, return_index=True, return_inverse=True)
-    order = np.argsort(first)
-    return first[order], np.argsort(order)[number.ravel()]
+    return np.unique(first_equal_row(_points(thing.data.vertices)), return_inverse=True)
 
 
 def to_world(thing) -> np.ndarray:

@@ -18,6 +18,8 @@ from __future__ import annotations
 
 import sys
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 
 class UnbendError(Exception):
@@ -72,3 +74,13 @@ def warn(message: str) -> None:
     ):
         frame, level = frame.f_back, level + 1
     warnings.warn(message, UnbendWarning, stacklevel=level)
+
+
+@contextmanager
+def heard() -> Iterator[list[str]]:
+    """Collect the warnings of a block, each once, in a list that is filled at its end."""
+    said: list[str] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UnbendWarning)
+        yield said
+    said += dict.fromkeys(str(one.message) for one in caught)

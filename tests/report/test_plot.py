@@ -1,5 +1,6 @@
 """In a notebook results are tables; each is drawn when asked."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -48,7 +49,9 @@ def test_everything_can_be_drawn(things, name, tmp_path):
     figure.savefig(tmp_path / "picture.png", dpi=30)
     assert figure.axes
     assert (tmp_path / "picture.png").stat().st_size > 1000
-    assert figure._repr_png_().startswith(b"\x89PNG")  # what notebooks ask for
+    again = pickle.loads(pickle.dumps(figure))
+    for one in (figure, again):
+        assert one._repr_png_().startswith(b"\x89PNG")  # what notebooks ask for
 
 
 def test_the_table_of_a_match_tells_what_is_left_out_and_what_is_mirrored(things):

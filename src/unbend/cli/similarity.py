@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,7 +15,7 @@ from unbend.choices import Axis, DistanceKind
 from unbend.cli import _options as options
 from unbend.cli import _output as output
 from unbend.cli._input import make_form, read_shapes
-from unbend.errors import InputError, UnbendWarning, warn
+from unbend.errors import InputError, heard, warn
 
 
 def similarity(
@@ -80,11 +79,10 @@ def similarity(
             def step(stage: str, share: float, i: int = i, j: int = j) -> None:
                 output.progress(f"{shapes[i].name} to {shapes[j].name}: {stage}", share)
 
-            with warnings.catch_warnings(record=True) as caught:
-                warnings.simplefilter("always", UnbendWarning)
+            with heard() as said:
                 given["match"] = unbend.match(shapes[i], shapes[j], progress=step)
-            for one in caught:
-                warn(f"{shapes[i].name} to {shapes[j].name}: {one.message}")
+            for one in said:
+                warn(f"{shapes[i].name} to {shapes[j].name}: {one}")
             given["areas"] = tuple(unbend.mesh.vertex_areas(shapes[k]) for k in (i, j))
             confidence = given["match"].confidence
         value = unbend.similarity(forms[i], forms[j], **given)

@@ -11,11 +11,11 @@ import numpy as np
 
 from unbend._types import Progress
 from unbend.collection._descriptor import DESCRIPTOR_VERSION, describe, make_basis, sample_form
-from unbend.collection._engine import Engine, Outcome, counted, heard
+from unbend.collection._engine import Engine, Outcome, counted
 from unbend.collection._files import File, find_files, hashed, is_gone, warn_of_others
 from unbend.collection._rows import Added, Failure
 from unbend.collection._store import Store, among
-from unbend.errors import MeshError
+from unbend.errors import MeshError, heard
 from unbend.io import read_mesh
 from unbend.mesh import vertex_areas
 from unbend.report.raster import thumbnail

@@ -70,16 +70,6 @@ def attempt_all(
     return failures
 
 
-@contextmanager
-def heard() -> Iterator[list[str]]:
-    """Collect the warnings of a block, each once, in a list that is filled at its end."""
-    said: list[str] = []
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UnbendWarning)
-        yield said
-    said += dict.fromkeys(str(one.message) for one in caught)
-
-
 def counted(progress: Progress | None, noun: str, total: int) -> Callable[[int, int, int], None]:
     """Wrap a progress callback: report counts, the rate and the time left.
 

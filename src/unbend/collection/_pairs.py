@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 
 from unbend._display import is_doubtful
 from unbend._types import Progress, StrPath
-from unbend.collection._engine import Engine, attempt_all, heard
+from unbend.collection._engine import Engine, attempt_all
 from unbend.collection._files import find_file, make_folder, stem, without_file
 from unbend.collection._rows import Entry, Failure, Matched
 from unbend.collection._store import Store, check_outside
 from unbend.correspondence import read_match, write_match
-from unbend.errors import InputError
+from unbend.errors import InputError, heard
 from unbend.io import read_mesh, write_map, write_table
 from unbend.matching import match, prepare_spectrum
 from unbend.spectral import use_cache

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from unbend._arrays import array_of
 from unbend._types import IntArray, Progress, StrPath
-from unbend.collection._engine import Engine, attempt_all, engine, heard
+from unbend.collection._engine import Engine, attempt_all, engine
 from unbend.collection._files import (
     REGISTRATIONS,
     find_file,
@@ -30,7 +30,7 @@ from unbend.collection._files import (
 from unbend.collection._rows import Entry, Failure, Registered, RegisteredShape
 from unbend.collection._store import Store, check_outside
 from unbend.correspondence import Registration, register, write_registration
-from unbend.errors import FileError, InputError
+from unbend.errors import FileError, InputError, heard
 from unbend.io import atomic_write, moved_obj, read_bytes, read_mesh, read_table, write_table
 from unbend.matching import landmark_pairs, match, prepare_spectrum
 from unbend.mesh import Mesh

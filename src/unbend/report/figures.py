@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import io
 import itertools
 from collections.abc import Sequence
@@ -68,17 +69,17 @@ def new_figure(width: float, height: float, *, dpi: float = 150) -> Any:
     except ValueError as error:
         raise InputError(f"matplotlib does not start; is MPLBACKEND set? {error}") from None
 
-    class Shown(Figure):
-        """A figure that notebooks show whether or not they have set matplotlib up."""
-
-        def _repr_png_(self) -> bytes:
-            stream = io.BytesIO()
-            self.savefig(stream, format="png")
-            return stream.getvalue()
-
-    figure = Shown(figsize=(width, height), dpi=dpi, facecolor="white")
+    figure: Any = Figure(figsize=(width, height), dpi=dpi, facecolor="white")
     FigureCanvasAgg(figure)
+    # What notebooks ask for, which have not set matplotlib up themselves.
+    figure._repr_png_ = functools.partial(_png, figure)
     return figure
+
+
+def _png(figure: Any) -> bytes:
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png")
+    return stream.getvalue()
 
 
 def draw_mesh(
