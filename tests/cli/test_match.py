@@ -400,6 +400,10 @@ def test_similarity_of_shapes_meshed_apart(folder: Path, tmp_path: Path) -> None
             "base must be 0 or 1",
         ),
         (
+            "evaluate ab.npz --base 1 b.ply a.vts b.vts",
+            "--base is for tables, and ab.npz is a .npz match",
+        ),
+        (
             "transfer a.ply b.ply --values other800.txt -o out.csv --map ab.npz --partial none",
             "--landmarks, --partial and --save-match are for matching",
         ),

@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 
 from unbend import Mesh, read_mesh
 from unbend.errors import FileError, InputError
-from unbend.io import VALUE_SUFFIXES, read_values, write_values
+from unbend.io import VALUE_SUFFIXES, read_named_values, read_values, write_values
 
 SHAPES = array_shapes(min_dims=1, max_dims=2, max_side=6)
 TABLES = st.one_of(
@@ -236,3 +236,24 @@ def test_any_mesh_will_do(blob: Mesh, tmp_path: Path) -> None:
         write_values(path, np.arange(blob.n_vertices), shape)
         written.append(path.read_bytes())
     assert written[0] == written[1]
+
+
+def test_columns_keep_their_names_where_a_file_can_have_them(blob: Mesh, tmp_path: Path) -> None:
+    table, rows = tmp_path / "bones.csv", np.eye(642)[:, :2]
+    lines = ["Point ID,left arm,2nd", *(f"{i},{a},{b}" for i, (a, b) in enumerate(rows))]
+    table.write_text("\n".join(lines))
+    values, names = read_named_values(table)
+    np.testing.assert_array_equal(values, rows)
+    assert names == ["left arm", "2nd"]
+    write_values(tmp_path / "a.csv", values, blob, kind="weights", names=names)
+    assert (tmp_path / "a.csv").read_text().startswith("left arm,2nd\n")
+    write_values(tmp_path / "a.ply", values, blob, kind="weights", names=names)
+    assert read_named_values(tmp_path / "a.ply", name="_2nd")[1] == ["_2nd"]
+    assert read_named_values(tmp_path / "a.ply", name="left_arm")[1] == ["left_arm"]
+    for given in (["x", "y"], ["one", "one"], ["one"], ["", "two"], []):
+        write_values(tmp_path / "b.ply", values, blob, kind="weights", names=given)
+        assert read_named_values(tmp_path / "b.ply")[1] == ["value_0", "value_1"]
+    write_values(tmp_path / "b.ply", values[:, 0].astype(int), blob, kind="label", names=["part"])
+    assert read_named_values(tmp_path / "b.ply")[1] == ["label"]
+    np.save(tmp_path / "a.npy", values)
+    assert read_named_values(tmp_path / "a.npy")[1] == []

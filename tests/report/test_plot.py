@@ -18,6 +18,7 @@ def things(blob):
     return {
         "mesh": Mesh(blob.vertices, blob.faces, name="blob <i>"),
         "points": Mesh(blob.vertices, name="points <i>"),
+        "pair": (blob.vertices, blob.faces),
         "form": canonical_form(blob),
         "flat form": canonical_form(blob, n_components=2),
         "match": replace(match(blob, blob, refine=False), hypotheses=tried),
@@ -43,7 +44,9 @@ def test_everything_shows_itself(things, name, words):
     assert html.startswith("<table>")
 
 
-@pytest.mark.parametrize("name", ["mesh", "points", "form", "flat form", "match", "evaluation"])
+@pytest.mark.parametrize(
+    "name", ["mesh", "points", "pair", "form", "flat form", "match", "evaluation"]
+)
 def test_everything_can_be_drawn(things, name, tmp_path):
     figure = plot(things[name])
     figure.savefig(tmp_path / "picture.png", dpi=30)
@@ -70,6 +73,11 @@ def test_a_plotted_match_is_its_functional_map(things):
     np.testing.assert_array_equal(picture.get_array(), things["match"].functional_map)
 
 
-def test_what_cannot_be_shown_is_refused(things):
-    with pytest.raises(InputError, match="not str"):
-        plot("text")
+def test_what_cannot_be_shown_is_refused():
+    with pytest.raises(InputError, match="a dict is not a mesh"):
+        plot({})
+
+
+def test_a_form_of_one_dimension_has_one_axis(blob):
+    (ax,) = plot(canonical_form(blob, n_components=1)).axes
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("first coordinate", "")

@@ -121,14 +121,15 @@ def transfer(work: Work, values: Sequence[str] | None = None, column: str | None
             "carried = found.source_to_target[vertices]  # -1 where there is no partner",
         )
         return work.result(f"{name} on {target.name}", command, python, facts)
-    array = io.read_values(path, n_vertices=source.n_vertices, name=column)
+    array, names = io.read_named_values(path, n_vertices=source.n_vertices, name=column)
     kind = correspondence.value_kind(array)
     carried = correspondence.transfer(array, found, kind=kind, source=source, target=target)
     drawable = kind == "color" or array.ndim == 1
     suffixes = [".csv", ".npy"]
     suffixes += [".obj", ".glb"] if kind == "uv" else [".ply"] * (array.dtype.kind != "U")
     for suffix in [*suffixes, *([".glb"] if drawable else [])]:
-        io.write_values(work.new_file(stem + suffix, "the values"), carried, target, kind=kind)
+        file = work.new_file(stem + suffix, "the values")
+        io.write_values(file, carried, target, kind=kind, names=names)
     if drawable:
         both = np.concatenate([array, carried])  # one scale of colours
         colors = both[:, :3] if kind == "color" else io.value_colors(both, kind=kind)

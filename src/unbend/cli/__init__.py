@@ -1,4 +1,4 @@
-"""The command line: no numerics. A file has a command, or a few that are alike.
+"""The command line: no numerics. A file has a command, or two.
 
 To add a command, write a function, and add it to `app` below. Its parameters are the arguments and
 options. Its docstring, or `_options.HELP`, has their help, and examples, as in ``distance.py``.
@@ -31,10 +31,12 @@ from unbend.cli import (
     collection,
     demo,
     distance,
+    evaluate,
     match,
+    morph,
     register,
     similarity,
-    uses,
+    transfer,
     view,
 )
 from unbend.cli._command import make_group
@@ -90,10 +92,10 @@ app = make_group(
     distance.distance,
     match.match,
     match.symmetry,
-    uses.evaluate,
-    uses.transfer,
+    evaluate.evaluate,
+    transfer.transfer,
     register.register,
-    uses.morph,
+    morph.morph,
     similarity.similarity,
     view.view,
     view.app,

@@ -117,6 +117,18 @@ def keeps_all(path: str) -> bool:
     return path.lower().endswith(".npz")
 
 
+def read_given(
+    path: str, base: int | None, source: unbend.Mesh | None, target: unbend.Mesh
+) -> unbend.Match | IntArray:
+    """Read all of a match from a .npz file, or a point map from any other."""
+    if not keeps_all(path):
+        n_source = None if source is None else source.n_vertices
+        return unbend.read_map(path, base=base, n_source=n_source, n_target=target.n_vertices)
+    if base is not None:
+        raise InputError(f"--base is for tables, and {path} is a .npz match; leave it out")
+    return unbend.read_match(path, source=source, target=target)
+
+
 def write_result(path: str, found: unbend.Match, shapes: Sequence[unbend.Mesh]) -> None:
     """Write all of a match to a .npz file, or its point map to any other."""
     if keeps_all(path):
@@ -161,13 +173,13 @@ def read_or_match(shapes: Sequence[unbend.Mesh], given: MatchOptions) -> unbend.
         raise InputError(
             "--landmarks, --partial and --save-match are for matching; leave them out, or --map"
         )
-    elif keeps_all(given.map):
-        found = unbend.read_match(given.map, source=source, target=target)
-    elif given.min_confidence is None:
-        sizes = {"n_source": source.n_vertices, "n_target": target.n_vertices}
-        return unbend.read_map(given.map, base=given.base, **sizes)
-    else:
+    elif given.min_confidence is not None and not keeps_all(given.map):
         raise InputError(f"--min-confidence needs a .npz match, and {given.map} is none")
+    else:
+        read = read_given(given.map, given.base, source, target)
+        if not isinstance(read, unbend.Match):
+            return read
+        found = read
     output.warn_if_doubtful(found)
     if is_unsure(found, given.min_confidence):
         raise typer.Exit(output.EXIT_UNSURE)

@@ -22,7 +22,13 @@ from unbend.io._maps import (
 )
 from unbend.io._markups import MARKUP_SUFFIXES, read_markup_pairs, read_markups, write_markups
 from unbend.io._meshes import READ_SUFFIXES, as_mesh, file_extras, read_mesh
-from unbend.io._values import VALUE_SUFFIXES, check_storable, read_values, write_values
+from unbend.io._values import (
+    VALUE_SUFFIXES,
+    check_storable,
+    read_named_values,
+    read_values,
+    write_values,
+)
 from unbend.io._writing import (
     COLOR_SUFFIXES,
     SCALAR_SUFFIXES,
@@ -56,6 +62,7 @@ __all__ = [
     "read_markup_pairs",
     "read_markups",
     "read_mesh",
+    "read_named_values",
     "read_table",
     "read_values",
     "value_colors",

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import re
+from collections.abc import Sequence
 from itertools import count, takewhile
 from pathlib import Path
 from typing import Any, get_args
@@ -20,15 +20,12 @@ from unbend.io._colors import value_colors
 from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes, write_table
 from unbend.io._foreign import MeshLike
 from unbend.io._meshes import READ_SUFFIXES, as_mesh, read_contents
-from unbend.io._writing import COLOR_SUFFIXES, SCALAR_SUFFIXES, write_mesh
-from unbend.io.formats.contents import are_numbers, misfit, text_lines
+from unbend.io._value_tables import read_table_of_values
+from unbend.io._writing import COLOR_SUFFIXES, SCALAR_SUFFIXES, TAKEN, write_mesh
 from unbend.io.formats.npy import read_array
 
 VALUE_SUFFIXES = (".npy", ".csv", ".txt")
-_MOST_LETTERS = 1000
 _OPAQUE = "the transparency of colours is not kept"
-# Names of columns of vertex numbers, without blanks; pandas and R give theirs none.
-_NUMBERS = ("vertex", "vertexid", "vertexindex", "pointid", "index", "id", "", "unnamed:0")
 _NORMAL = ("nx", "ny", "nz")
 # Columns of mesh files that are one value: colours, and texture coordinates by three programs.
 _TOGETHER = (
@@ -76,6 +73,25 @@ def read_values(
     >>> read_values(path)
     array(['head', 'tail'], dtype='<U4')
     """
+    return read_named_values(path, n_vertices=n_vertices, name=name)[0]
+
+
+def read_named_values(
+    path: StrPath, *, n_vertices: int | None = None, name: str | None = None
+) -> tuple[npt.NDArray[Any], list[str]]:
+    r"""Read values per vertex, as :func:`read_values`, and the names of their columns.
+
+    There are no names where the file has none.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from unbend.io import read_named_values
+    >>> path = pathlib.Path(tempfile.mkdtemp(), "weights.csv")
+    >>> _ = path.write_text("hip,knee\n0.5,0.5\n1,0\n")
+    >>> read_named_values(path)[1]
+    ['hip', 'knee']
+    """
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix in VALUE_SUFFIXES and name is not None:
@@ -85,18 +101,22 @@ def read_values(
     given: Any = read_contents(path) if of_mesh else read_bytes(path, known)
     with prefixed(path.name):
         if of_mesh:
-            values = _of_mesh(given.values(), name)
+            values, names = _of_mesh(given.values(), name)
+        elif suffix == ".npy":
+            values, names = read_array(given), []
         else:
-            values = read_array(given) if suffix == ".npy" else _table(given, suffix, n_vertices)
+            values, names = read_table_of_values(given, suffix, n_vertices)
         if values.ndim == 0 or values.size == 0:
             raise FileError("holds no rows")
         n = len(values)
         if n_vertices not in (None, n):
             raise FileError(f"holds {plural(n, 'row')}, but there are {n_vertices} vertices")
-    return values
+    return values, names
 
 
-def _of_mesh(columns: dict[str, npt.NDArray[Any]], name: str | None) -> npt.NDArray[Any]:
+def _of_mesh(
+    columns: dict[str, npt.NDArray[Any]], name: str | None
+) -> tuple[npt.NDArray[Any], list[str]]:
     """Choose among the values per vertex of a mesh file."""
     found = _grouped(columns)
     own = [key for key in found if key not in ("color", "uv")] or list(found)
@@ -107,7 +127,8 @@ def _of_mesh(columns: dict[str, npt.NDArray[Any]], name: str | None) -> npt.NDAr
             opaque = np.iinfo(alpha.dtype).max if alpha.dtype.kind == "u" else 1
             if (alpha < opaque).any():
                 warn(_OPAQUE)
-        return found[name]
+        width = found[name].shape[1:]
+        return found[name], [f"{name}_{i}" for i in range(*width)] if width else [name]
     if not found:
         raise FileError("holds no values per vertex")
     raise FileError(f"holds {', '.join(found)}; name one of them with --property (name= in Python)")
@@ -143,6 +164,7 @@ def write_values(
     mesh: MeshLike,
     *,
     kind: str = "scalar",
+    names: Sequence[str] = (),
     like: StrPath | None = None,
 ) -> None:
     """Write values per vertex, as a table or on a mesh.
@@ -159,6 +181,9 @@ def write_values(
     kind : str, default="scalar"
         What the columns mean to a mesh file: ``"scalar"``, ``"label"``, ``"weights"``, ``"color"``
         or ``"uv"``.
+    names : sequence of str, optional
+        Of the columns, in .csv, .ply and .vtp files. Mesh files hold labels, colours and texture
+        coordinates under names of their own, and what cannot be a name there is replaced.
     like : path, optional
         An OBJ file whose lines an .obj file keeps, see :func:`unbend.write_mesh`.
 
@@ -189,8 +214,7 @@ def write_values(
         raise InputError(f"values must have one row for each of {mesh.n_vertices} vertices")
     check_storable(path, array, kind)
     columns = array.reshape(len(array), -1)
-    word = kind if kind in ("label", "color", "uv") else "value"
-    names = [f"{word}_{i}" for i in range(columns.shape[1])] if columns.shape[1] > 1 else [word]
+    names = _names(names, columns.shape[1], kind, suffix)
     rows = (columns.astype(np.int64) if columns.dtype == bool else columns).tolist()
     if suffix == ".npy":
         with atomic_write(path) as file:
@@ -220,6 +244,19 @@ def write_values(
         )
 
 
+def _names(given: Sequence[str], width: int, kind: str, suffix: str) -> list[str]:
+    """Names of columns: those given if a file can have them."""
+    names = list(given)
+    if suffix != ".csv":
+        names = [re.sub(r"\W|^(?=\d)", "_", name, flags=re.ASCII) for name in given]
+        names = [] if {*names} & {*TAKEN} else names
+    own = kind in ("color", "uv") or (kind == "label" and suffix != ".csv")
+    if not own and len(set(filter(None, names))) == width:
+        return names
+    word = kind if kind in ("label", "color", "uv") else "value"
+    return [f"{word}_{i}" for i in range(width)] if width > 1 else [word]
+
+
 def check_storable(path: StrPath, values: npt.NDArray[Any], kind: str) -> None:
     """Raise InputError if the format cannot hold such values, before anything is computed."""
     suffix = Path(path).suffix.lower()
@@ -238,128 +275,3 @@ def check_storable(path: StrPath, values: npt.NDArray[Any], kind: str) -> None:
         )
     if suffix != ".npy" and values.ndim > 2:
         raise InputError(f"{suffix} files hold one or two dimensions; write .npy")
-
-
-def _table(data: bytes, suffix: str, n_vertices: int | None) -> npt.NDArray[Any]:
-    lines = [line for line in text_lines(data, suffix[1:]) if re.match(r"\s*[^\s#]", line)]
-    header: list[str] = []
-    if suffix == ".txt":
-        rows = [re.sub(r"\s#.*", "", line).split() for line in lines]
-    else:
-        try:
-            cells = csv.reader(f"{line}\n" for line in lines)
-            rows = [[word.strip() for word in row] for row in cells]
-        except csv.Error as error:
-            raise FileError(f"not a table in CSV: {error}") from None
-        # A column's name cannot be told from words, except by the number of rows or by numbers.
-        first, rest = (rows[0], rows[1:]) if rows else ([], [])
-        if not are_numbers(word for word in first if word.lower() not in ("na", "n/a")) and (
-            len(rows) != n_vertices
-            or (not are_numbers(_filled(first)) and (len(first) > 1 or _are_numeric(rest)))
-        ):
-            header, rows = first, rest
-    if not rows:
-        return np.empty(0)
-    for i, row in enumerate(rows):
-        if len(row) != len(rows[0]):
-            raise FileError(f"row {i} has {len(row)} entries, but row 0 has {len(rows[0])}")
-        # An array of words gives each as much room as the longest.
-        if max(map(len, row)) > _MOST_LETTERS:
-            raise FileError(f"row {i} holds a word of more than {_MOST_LETTERS} letters")
-    if suffix == ".csv":
-        _refuse_decimal_commas(header, rows)
-        rows = rows if len(rows[0]) == 1 else _by_vertex(header, rows)
-    numeric = [are_numbers(row) for row in rows]
-    if not all(numeric) and _are_numeric(rows):
-        rows, numeric = [_filled(row) for row in rows], [True]
-    table = np.array(rows)
-    if all(numeric):
-        whole = all(word.lstrip("+-").isdecimal() for row in rows for word in row)
-        try:
-            table = table.astype(np.int64 if whole else np.float64)
-        except OverflowError:
-            large = next(i for i, row in enumerate(rows) if any(len(word) > 18 for word in row))
-            problem = ", more than 64 bits can hold"
-            raise misfit(f"row {large}", " ".join(rows[large]), problem) from None
-    elif table.shape[1] > 1:
-        bad = numeric.index(False)
-        raise misfit(f"row {bad}", " ".join(rows[bad]), ", not numbers")
-    else:
-        _refuse_numbers_as_labels([row[0] for row in rows])
-    return table[:, 0] if table.shape[1] == 1 else table
-
-
-def _filled(row: list[str]) -> list[str]:
-    """Write nan for missing numbers, as pandas, R and spreadsheets leave them."""
-    return ["nan" if word.lower() in ("", "na", "n/a") else word for word in row]
-
-
-def _are_numeric(rows: list[list[str]]) -> bool:
-    """Whether each column has numbers, and else only cells where one is missing."""
-    some = all(any(are_numbers([word]) for word in column) for column in zip(*rows, strict=False))
-    return bool(rows) and some and all(are_numbers(_filled(row)) for row in rows)
-
-
-def _in_order(rows: list[list[str]]) -> list[list[str]]:
-    """Sort rows by their first word, the number of a vertex, and remove it."""
-    found: dict[str, list[str]] = {}
-    for i, (vertex, *words) in enumerate(rows):
-        if vertex in found:
-            raise FileError(f"row {i} holds vertex {vertex[:20]!r} again")
-        found[vertex] = words
-    numbers = [str(i) for i in range(len(rows))]
-    for vertex in numbers:
-        if vertex not in found:
-            raise FileError(f"holds no row of vertex {vertex}: all are needed, counted from 0")
-    return [found[vertex] for vertex in numbers]
-
-
-def _by_vertex(header: list[str], rows: list[list[str]]) -> list[list[str]]:
-    """Sort rows by a column that is named like vertex numbers and holds all, and remove it."""
-    names = [re.sub(r"[\s_-]", "", name.lower()) for name in header]
-    if names and names[0] == "vertex":
-        return _in_order(rows)
-    for i in (names.index(name) for name in _NUMBERS if name in names):
-        numbers = [float(row[i]) for row in rows if are_numbers([row[i]])]
-        if sorted(numbers) == list(range(len(rows))):
-            return [rows[at][:i] + rows[at][i + 1 :] for at in np.argsort(numbers)]
-        if sorted(numbers) == list(range(1, len(rows) + 1)):
-            raise FileError(f"column {header[i]!r} numbers vertices from 1; count them from 0")
-    first = [row[0] for row in rows]
-    every = [str(i) for i in range(len(rows))]
-    numbered = header and header[0].endswith("_0")  # one of several of a name
-    if first != every and not numbered and set(first) == set(every):
-        raise FileError(
-            f"its first column holds each number from 0 to {len(rows) - 1} once: name it vertex if "
-            "these are vertex numbers, else put another first"
-        )
-    return rows
-
-
-def _refuse_decimal_commas(header: list[str], rows: list[list[str]]) -> None:
-    """Refuse columns that are the two sides of decimal commas, as far as that can be known."""
-    if header and rows and len(rows[0]) != len(header):
-        raise FileError(
-            f"the first line names {plural(len(header), 'column')}, but row 0 holds "
-            f"{','.join(rows[0])[:40]!r}; write decimal points, and a name for each column"
-        )
-    pairs = (",".join(row[i : i + 2]) for row in rows for i in range(0, len(row), 2))
-    if header or not all(re.fullmatch(r"[+-]?\d+,\d+", pair) for pair in pairs):
-        return
-    for i, row in enumerate(rows):
-        # No number begins with -0, or with 0 before other digits.
-        if re.search(r"^-0,|,0\d", ",".join(row)):
-            problem = ", whose commas may be decimal ones; write decimal points"
-            raise misfit(f"row {i}", ",".join(row), problem)
-
-
-def _refuse_numbers_as_labels(words: list[str]) -> None:
-    """Refuse words like 0,5 or 1;2, which are misread numbers rather than labels."""
-    for index, word in enumerate(words):
-        first, *more = re.split(r"[,;\t#]", word)
-        if more and are_numbers([first]):
-            problem = (
-                ", neither a number nor a label; write decimal points, and separate columns by "
-                "commas in .csv, by blanks in .txt"
-            )
-            raise misfit(f"row {index}", word, problem)

@@ -35,6 +35,7 @@ WRITE_SUFFIXES = tuple(_WRITERS)
 # Formats whose writers take colours and texture coordinates, and those that take any values.
 COLOR_SUFFIXES = (".ply", ".obj", ".glb", ".vtp")
 SCALAR_SUFFIXES = (".ply", ".vtp")
+TAKEN = (*"xyz", "red", "green", "blue", "color", "colors")  # names that values cannot have there
 _SINGLE_SUFFIXES = (".stl", ".glb")  # hold positions in single precision
 
 
@@ -103,9 +104,7 @@ def write_mesh(
         raise InputError(".stl files hold triangles only; write points as .ply or .xyz")
     extras: dict[str, Any] = {}
     if scalars:
-        taken = [*"xyz", "red", "green", "blue"]
-        taken += ["color", "colors"] if colors is not None else []
-        taken += ["s", "t", "uv"] if uvs is not None else []
+        taken = [*TAKEN, *(["s", "t", "uv"] if uvs is not None else [])]
         extras["scalars"] = _scalars(scalars, mesh.n_vertices, taken)
     if colors is not None:
         extras["colors"] = _colors(colors, mesh.n_vertices)

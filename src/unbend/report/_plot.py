@@ -8,16 +8,16 @@ import numpy as np
 
 from unbend.canonical import CanonicalForm
 from unbend.correspondence import Evaluation
-from unbend.errors import InputError
+from unbend.io import MeshLike, as_mesh
 from unbend.matching import Match
-from unbend.mesh import Mesh, used_vertices
+from unbend.mesh import used_vertices
 from unbend.report.colors import position_colors
 from unbend.report.figures import draw_mesh, new_figure
 from unbend.report.match_figures import error_curves
 from unbend.report.shape_figures import in_space
 
 
-def plot(thing: Mesh | CanonicalForm | Match | Evaluation) -> Any:
+def plot(thing: MeshLike | CanonicalForm | Match | Evaluation) -> Any:
     """Draw a result with matplotlib; notebooks show the figure, ``savefig`` writes it.
 
     A mesh as it looks, a form as its points, a match as its functional map, an evaluation as the
@@ -25,7 +25,7 @@ def plot(thing: Mesh | CanonicalForm | Match | Evaluation) -> Any:
 
     Parameters
     ----------
-    thing : Mesh, CanonicalForm, Match or Evaluation
+    thing : mesh-like, CanonicalForm, Match or Evaluation
 
     Returns
     -------
@@ -47,9 +47,6 @@ def plot(thing: Mesh | CanonicalForm | Match | Evaluation) -> Any:
     """
     if isinstance(thing, Evaluation):
         return error_curves({"map": thing})
-    if not isinstance(thing, (Mesh, CanonicalForm, Match)):
-        kind = type(thing).__name__
-        raise InputError(f"plot draws a Mesh, CanonicalForm, Match or Evaluation, not {kind}")
     figure = new_figure(5, 4.4 if isinstance(thing, Match) else 5)
     if isinstance(thing, Match):
         ax = figure.add_subplot()
@@ -62,14 +59,17 @@ def plot(thing: Mesh | CanonicalForm | Match | Evaluation) -> Any:
         points = in_space(thing.points)
         order = np.argsort(points[:, 2])
         ax.scatter(*points[order, :2].T, s=3, c=position_colors(points)[order])
-        ax.set(xlabel="first coordinate", ylabel="second coordinate")
+        ax.set(xlabel="first coordinate")
+        if thing.points.shape[1] > 1:
+            ax.set(ylabel="second coordinate")
     else:
+        mesh = as_mesh(thing)
         ax = figure.add_axes((0, 0, 1, 1))
-        colors = position_colors(used_vertices(thing))
-        if thing.is_point_cloud:
-            ax.scatter(*thing.vertices[:, :2].T, s=2, c=colors)
+        colors = position_colors(used_vertices(mesh))
+        if mesh.is_point_cloud:
+            ax.scatter(*mesh.vertices[:, :2].T, s=2, c=colors)
             ax.set_aspect("equal")
             ax.set_axis_off()
         else:
-            draw_mesh(ax, thing, colors=colors)
+            draw_mesh(ax, mesh, colors=colors)
     return figure

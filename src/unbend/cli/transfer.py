@@ -1,0 +1,108 @@
+"""``unbend transfer``: values, labels, weights, colours or landmarks of one shape on another."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+import unbend
+from unbend.choices import ValueKind
+from unbend.cli import _options as options
+from unbend.cli import _output as output
+from unbend.cli._input import read_or_match, read_shapes
+from unbend.errors import InputError
+
+
+def transfer(
+    source: str,
+    target: str,
+    values: Annotated[str, typer.Option(metavar="FILE")],
+    out: Annotated[str, options.out()],
+    kind: ValueKind = "auto",
+    property_name: Annotated[str | None, typer.Option("--property", metavar="NAME")] = None,
+    expected_error: Annotated[str | None, typer.Option(metavar="FILE")] = None,
+    *,
+    matching: options.MatchOptions,
+    cache: options.Cache = True,
+) -> None:
+    """Transfer values from source to target: numbers are averaged, labels by majority.
+
+      values: A row per source vertex (.npy, .csv, .txt): numbers, labels, weights, colours; a mesh
+          with such values (.ply, .obj ...); or landmarks (.mrk.json, .fcsv).
+      out: .npy, .csv or .txt: a row per target vertex; .ply, .vtp: the target with the values;
+          .obj, .glb: the target with colours or texture coordinates. Numbers and labels are
+          coloured, for Blender and MeshLab. Landmarks: .mrk.json.
+      kind: auto: scalar for fractions, label for whole numbers and text; for several columns color
+          from 0 to 255, uv for that property, else scalar.
+      property_name: Which values of a mesh file: a property of its vertices, color or uv.
+      expected_error: Write too how far off each target vertex's source may be, in square roots of
+          the target's area (.npy, .csv, .txt, .ply, .vtp): `Match.expected_error`, carried.
+
+    $ unbend transfer dog.ply cat.ply --values weights.npy --kind weights -o cat_weights.npy
+    $ unbend transfer dog.ply cat.ply --values parts.csv --map dog_cat.npz -o cat_parts.csv
+    $ unbend transfer dog.ply cat.ply --values colors.npy --kind color -o cat_colored.ply
+    $ unbend transfer dog.ply cat.ply --values parts.csv --save-match map.npz -o cat_parts.glb
+    $ unbend transfer dog.ply cat.ply --values parts.csv --min-confidence 0.7 -o cat_parts.csv
+    $ unbend transfer dog.ply cat.ply --values dog.ply --property color -o cat_colored.ply
+    $ unbend transfer dog.ply cat.ply --values dog.mrk.json -o cat.mrk.json
+    """
+    import numpy as np
+
+    io = unbend.io
+    is_markup = values.lower().endswith(io.MARKUP_SUFFIXES)
+    io.check_writable(out, (".json",) if is_markup else io.VALUE_SUFFIXES + io.COLOR_SUFFIXES)
+    shapes = a, b = read_shapes((source, target))
+    chosen: Any = "landmarks"
+    if is_markup:
+        labels, array = io.read_markups(values, a)
+    else:
+        array, names = io.read_named_values(values, n_vertices=a.n_vertices, name=property_name)
+        if kind == "auto" and property_name == "uv" and array.ndim == 2:
+            kind = "uv"
+        chosen = unbend.correspondence.value_kind(array, kind)
+        io.check_storable(out, array, chosen)
+    found = read_or_match(shapes, matching)
+    if isinstance(found, unbend.Match):
+        forward, back = found.source_to_target, found.target_to_source
+    else:
+        forward, back = found, io.invert_map(found, b)
+    output.progress("carrying", 0)
+    errors: Any = getattr(found, "expected_error", None)
+    if expected_error is not None and errors is None:
+        raise InputError(f"{matching.map} has no expected errors; leave out --map to match")
+    if is_markup:
+        carried = forward[array]
+        there = np.flatnonzero(carried >= 0)
+        io.write_markups(out, b, carried[there], [labels[i] for i in there])
+        for i in np.flatnonzero(carried < 0):
+            output.say("note", f"landmark {labels[i]} corresponds to no vertex of {b.name}")
+    else:
+        carried = unbend.transfer(array, found, kind=chosen, source=a, target=b)
+        is_mesh = out.lower().endswith(io.COLOR_SUFFIXES)
+        like = output.lines_to_keep(out, target, whole=chosen != "uv") if is_mesh else None
+        io.write_values(out, carried, b, kind=chosen, names=names, like=like)
+        filled = int((back >= 0).sum()) - len(np.unique(forward[forward >= 0]))
+        if filled > 0 and not isinstance(found, unbend.Match):
+            output.say(
+                "note",
+                f"{filled:,} of {len(back):,} vertices of {b.name} are the image of none, and "
+                "take the value of the nearest that is one; a .npz map leaves out those beyond "
+                "the overlap",
+            )
+    if expected_error is not None:
+        errors = unbend.transfer(errors, found, kind="scalar", source=a, target=b)
+        io.write_values(expected_error, errors, b)
+    lost = int((back < 0).sum())
+    if lost:
+        output.say("note", f"{lost:,} vertices of {b.name} correspond to none of the source")
+    width = "" if carried.ndim == 1 else f" x {carried.shape[1]}"
+    told = {"source": source, "target": target, "values": values, "kind": chosen}
+    told |= {"shape": carried.shape, "n_without_preimage": lost}
+    told |= {"confidence": getattr(found, "confidence", None)}
+    output.tell(
+        told,
+        output.rows({"carried": f"{len(carried):,}{width} values ({chosen})"}),
+        shapes=shapes,
+        written=[out, matching.save_match, expected_error],
+    )

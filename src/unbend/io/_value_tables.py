@@ -1,0 +1,151 @@
+"""Tables of values per vertex, as people, pandas, R and spreadsheets write them."""
+
+from __future__ import annotations
+
+import csv
+import re
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from unbend._text import plural
+from unbend.errors import FileError
+from unbend.io.formats.contents import are_numbers, misfit, text_lines
+
+_MOST_LETTERS = 1000
+# Names of columns of vertex numbers, without blanks; pandas and R give theirs none.
+_NUMBERS = ("vertex", "vertexid", "vertexindex", "pointid", "index", "id", "", "unnamed:0")
+
+
+def read_table_of_values(
+    data: bytes, suffix: str, n_vertices: int | None
+) -> tuple[npt.NDArray[Any], list[str]]:
+    """Read a .csv or .txt file's values, and the names of its columns if it has any.
+
+    Rows that are numbered like vertices are sorted, and the numbers are left out.
+    """
+    lines = [line for line in text_lines(data, suffix[1:]) if re.match(r"\s*[^\s#]", line)]
+    header: list[str] = []
+    if suffix == ".txt":
+        rows = [re.sub(r"\s#.*", "", line).split() for line in lines]
+    else:
+        try:
+            cells = csv.reader(f"{line}\n" for line in lines)
+            rows = [[word.strip() for word in row] for row in cells]
+        except csv.Error as error:
+            raise FileError(f"not a table in CSV: {error}") from None
+        # A column's name cannot be told from words, except by the number of rows or by numbers.
+        first, rest = (rows[0], rows[1:]) if rows else ([], [])
+        if not are_numbers(word for word in first if word.lower() not in ("na", "n/a")) and (
+            len(rows) != n_vertices
+            or (not are_numbers(_filled(first)) and (len(first) > 1 or _are_numeric(rest)))
+        ):
+            header, rows = first, rest
+    if not rows:
+        return np.empty(0), []
+    for i, row in enumerate(rows):
+        if len(row) != len(rows[0]):
+            raise FileError(f"row {i} has {len(row)} entries, but row 0 has {len(rows[0])}")
+        # An array of words gives each as much room as the longest.
+        if max(map(len, row)) > _MOST_LETTERS:
+            raise FileError(f"row {i} holds a word of more than {_MOST_LETTERS} letters")
+    if suffix == ".csv":
+        _refuse_decimal_commas(header, rows)
+        if len(rows[0]) > 1:
+            header, rows = _by_vertex(header, rows)
+    numeric = [are_numbers(row) for row in rows]
+    if not all(numeric) and _are_numeric(rows):
+        rows, numeric = [_filled(row) for row in rows], [True]
+    table = np.array(rows)
+    if all(numeric):
+        whole = all(word.lstrip("+-").isdecimal() for row in rows for word in row)
+        try:
+            table = table.astype(np.int64 if whole else np.float64)
+        except OverflowError:
+            large = next(i for i, row in enumerate(rows) if any(len(word) > 18 for word in row))
+            problem = ", more than 64 bits can hold"
+            raise misfit(f"row {large}", " ".join(rows[large]), problem) from None
+    elif table.shape[1] > 1:
+        bad = numeric.index(False)
+        raise misfit(f"row {bad}", " ".join(rows[bad]), ", not numbers")
+    else:
+        _refuse_numbers_as_labels([row[0] for row in rows])
+    return table[:, 0] if table.shape[1] == 1 else table, header
+
+
+def _filled(row: list[str]) -> list[str]:
+    """Write nan for missing numbers, as pandas, R and spreadsheets leave them."""
+    return ["nan" if word.lower() in ("", "na", "n/a") else word for word in row]
+
+
+def _are_numeric(rows: list[list[str]]) -> bool:
+    """Whether each column has numbers, and else only cells where one is missing."""
+    some = all(any(are_numbers([word]) for word in column) for column in zip(*rows, strict=False))
+    return bool(rows) and some and all(are_numbers(_filled(row)) for row in rows)
+
+
+def _in_order(rows: list[list[str]]) -> list[list[str]]:
+    """Sort rows by their first word, the number of a vertex, and remove it."""
+    found: dict[str, list[str]] = {}
+    for i, (vertex, *words) in enumerate(rows):
+        if vertex in found:
+            raise FileError(f"row {i} holds vertex {vertex[:20]!r} again")
+        found[vertex] = words
+    numbers = [str(i) for i in range(len(rows))]
+    for vertex in numbers:
+        if vertex not in found:
+            raise FileError(f"holds no row of vertex {vertex}: all are needed, counted from 0")
+    return [found[vertex] for vertex in numbers]
+
+
+def _by_vertex(header: list[str], rows: list[list[str]]) -> tuple[list[str], list[list[str]]]:
+    """Sort rows by a column that is named like vertex numbers and holds all, and remove it."""
+    names = [re.sub(r"[\s_-]", "", name.lower()) for name in header]
+    if names and names[0] == "vertex":
+        return header[1:], _in_order(rows)
+    for i in (names.index(name) for name in _NUMBERS if name in names):
+        numbers = [float(row[i]) for row in rows if are_numbers([row[i]])]
+        if sorted(numbers) == list(range(len(rows))):
+            others = [rows[at][:i] + rows[at][i + 1 :] for at in np.argsort(numbers)]
+            return header[:i] + header[i + 1 :], others
+        if sorted(numbers) == list(range(1, len(rows) + 1)):
+            raise FileError(f"column {header[i]!r} numbers vertices from 1; count them from 0")
+    first = [row[0] for row in rows]
+    every = [str(i) for i in range(len(rows))]
+    numbered = header and header[0].endswith("_0")  # one of several of a name
+    if first != every and not numbered and set(first) == set(every):
+        raise FileError(
+            f"its first column holds each number from 0 to {len(rows) - 1} once: name it vertex if "
+            "these are vertex numbers, else put another first"
+        )
+    return header, rows
+
+
+def _refuse_decimal_commas(header: list[str], rows: list[list[str]]) -> None:
+    """Refuse columns that are the two sides of decimal commas, as far as that can be known."""
+    if header and rows and len(rows[0]) != len(header):
+        raise FileError(
+            f"the first line names {plural(len(header), 'column')}, but row 0 holds "
+            f"{','.join(rows[0])[:40]!r}; write decimal points, and a name for each column"
+        )
+    pairs = (",".join(row[i : i + 2]) for row in rows for i in range(0, len(row), 2))
+    if header or not all(re.fullmatch(r"[+-]?\d+,\d+", pair) for pair in pairs):
+        return
+    for i, row in enumerate(rows):
+        # No number begins with -0, or with 0 before other digits.
+        if re.search(r"^-0,|,0\d", ",".join(row)):
+            problem = ", whose commas may be decimal ones; write decimal points"
+            raise misfit(f"row {i}", ",".join(row), problem)
+
+
+def _refuse_numbers_as_labels(words: list[str]) -> None:
+    """Refuse words like 0,5 or 1;2, which are misread numbers rather than labels."""
+    for index, word in enumerate(words):
+        first, *more = re.split(r"[,;\t#]", word)
+        if more and are_numbers([first]):
+            problem = (
+                ", neither a number nor a label; write decimal points, and separate columns by "
+                "commas in .csv, by blanks in .txt"
+            )
+            raise misfit(f"row {index}", word, problem)
