@@ -97,8 +97,7 @@ def test_each_patch_and_each_map_is_looked_at_by_itself() -> None:
     np.testing.assert_array_equal(lacking, np.hstack([none, small, none, small]))
 
 
-@pytest.mark.kernels
-@pytest.mark.parametrize("subdivisions", [3, 5])
+@pytest.mark.parametrize("subdivisions", [pytest.param(3, marks=pytest.mark.kernels), 5])
 def test_a_ragged_outline_is_as_good_as_a_smooth_one(subdivisions: int) -> None:
     """Partners are uncertain within a tenth of the outline, however fine the mesh is."""
     one = _bitten(0.3, make_sphere(subdivisions))
