@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from unbend import Mesh, diagnose
 from unbend._types import FloatArray
 from unbend.errors import MeshError
-from unbend.preparation import surface_of_points, triangulate_points
+from unbend.preparation import _surface, surface_of_points, triangulate_points
 
 TURN = Rotation.from_rotvec([0.5, -1.2, 0.8]).as_matrix()
 
@@ -29,7 +29,7 @@ def torus(n: int, noise: float = 0) -> FloatArray:
     return np.asarray(points + noise * chance.standard_normal((n, 3)))
 
 
-@pytest.mark.parametrize(("n", "noise"), [(600, 0), (2000, 0.03)])
+@pytest.mark.parametrize(("n", "noise"), [(600, 0), (1000, 0.04)])
 def test_a_sphere(n: int, noise: float) -> None:
     found = surface_of_points(Mesh(sphere(n, noise)))
     health = diagnose(found.mesh)
@@ -46,15 +46,15 @@ def test_a_sphere(n: int, noise: float) -> None:
 
 @pytest.mark.parametrize("noise", [0, 0.02])
 def test_a_torus(noise: float) -> None:
-    health = diagnose(surface_of_points(Mesh(torus(2500, noise))).mesh)
+    health = diagnose(surface_of_points(Mesh(torus(1500, noise))).mesh)
     assert health.closed
     assert health.genus == 1
     assert health.area == pytest.approx(4 * np.pi**2 * 0.4, rel=0.04)
 
 
 def test_uneven_density() -> None:
-    points = sphere(4000)
-    dense = points[np.random.default_rng(1).random(4000) < np.where(points[:, 2] > 0, 1, 0.25)]
+    points = sphere(2000)
+    dense = points[np.random.default_rng(1).random(2000) < np.where(points[:, 2] > 0, 1, 0.25)]
     health = diagnose(surface_of_points(Mesh(dense)).mesh)
     assert health.closed
     assert health.genus == 0
@@ -62,7 +62,7 @@ def test_uneven_density() -> None:
 
 
 def test_one_side_has_a_boundary_where_the_points_end() -> None:
-    points = sphere(3000)
+    points = sphere(1500)
     health = diagnose(surface_of_points(Mesh(points[points[:, 2] > 0])).mesh)
     assert health.boundary_loops == 1
     assert health.genus == 0
@@ -70,31 +70,34 @@ def test_one_side_has_a_boundary_where_the_points_end() -> None:
 
 
 def test_a_large_hole_stays_open_and_a_small_gap_is_closed() -> None:
-    points = sphere(3000)
-    for height, loops in ((0.9, 1), (0.996, 0)):
+    points = sphere(1500)
+    for height, loops in ((0.9, 1), (0.992, 0)):
         rest = points[points[:, 2] < height]
-        assert len(rest) < 3000
+        assert len(rest) < 1500
         assert diagnose(surface_of_points(Mesh(rest)).mesh).boundary_loops == loops
 
 
-def test_many_noisy_points_become_a_smooth_surface_of_fewer() -> None:
-    health = diagnose(mesh := surface_of_points(Mesh(sphere(30_000, 0.01))).mesh)
+def test_many_noisy_points_become_a_smooth_surface_of_fewer(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(_surface, "_MOST_POINTS", 1600)
+    health = diagnose(mesh := surface_of_points(Mesh(sphere(4000, 0.027))).mesh)
     assert health.closed
     assert health.genus == 0
-    assert mesh.n_vertices < 15_000
+    assert mesh.n_vertices < 2000
     assert health.area == pytest.approx(4 * np.pi, rel=0.04)
-    assert np.linalg.norm(mesh.vertices, axis=1).std() < 0.01
+    assert np.linalg.norm(mesh.vertices, axis=1).std() < 0.027
 
 
 def test_a_long_rod() -> None:
-    health = diagnose(surface_of_points(Mesh(sphere(2000) * [1, 1, 20])).mesh)
+    health = diagnose(surface_of_points(Mesh(sphere(1000) * [1, 1, 20])).mesh)
     assert health.closed
     assert health.genus == 0
     assert health.area == pytest.approx(np.pi**2 * 20, rel=0.04)
 
 
 def test_outliers_are_left_out() -> None:
-    n = 2000
+    n = 1500
     stray = np.random.default_rng(2).uniform(-2, 2, (40, 3))
     stray = stray[np.abs(np.linalg.norm(stray, axis=1) - 1) > 0.5]
     found = surface_of_points(Mesh(np.vstack([sphere(n), stray])))
@@ -106,10 +109,10 @@ def test_outliers_are_left_out() -> None:
 
 @pytest.mark.parametrize("spacings", [2.5, 0.7])
 def test_parts_that_nearly_touch_are_not_joined(spacings: float) -> None:
-    """Two balls of 3,000 points, and how far apart they are, in distances between points."""
-    gap = spacings * np.sqrt(4 * np.pi / 3000)
-    other = sphere(2900) + np.array([2 + gap, 0, 0])
-    found = surface_of_points(Mesh(np.vstack([sphere(3000), other])))
+    """Two balls of 1,200 points, and how far apart they are, in distances between points."""
+    gap = spacings * np.sqrt(4 * np.pi / 1200)
+    other = sphere(1150) + np.array([2 + gap, 0, 0])
+    found = surface_of_points(Mesh(np.vstack([sphere(1200), other])))
     health = diagnose(found.mesh)
     assert health.genus == 0
     assert health.area == pytest.approx(4 * np.pi, rel=0.04)
@@ -133,13 +136,13 @@ def test_a_ring_whose_ends_touch_is_open() -> None:
 
 def test_the_surface_goes_along_with_the_points() -> None:
     """Turned, moved, scaled and in another order, they are the same points."""
-    points = torus(2000, 0.01) * [1, 0.8, 1.2]
+    points = torus(1000, 0.015) * [1, 0.8, 1.2]
     one = surface_of_points(Mesh(points))
     order = np.random.default_rng(3).permutation(len(points))
     other = surface_of_points(Mesh(1e3 * points[order] @ TURN.T + [5e3, 0, 0]))
     back = (other.mesh.vertices - [5e3, 0, 0]) @ TURN / 1e3
     for here, there in ((one.mesh.vertices, back), (back, one.mesh.vertices)):
-        assert cKDTree(here).query(there)[0].max() < 0.08  # the spacing of points
+        assert cKDTree(here).query(there)[0].max() < 0.12  # the spacing of points
     places = one.mesh.vertices[one.vertex_of_point[order]]
     apart = np.linalg.norm(places - back[other.vertex_of_point], axis=1)
     assert apart.mean() < 0.02
@@ -175,10 +178,10 @@ def test_points_without_a_surface_are_refused(points: FloatArray, sentence: str)
 
 
 def test_triangles_join_all_points_but_outliers() -> None:
-    points = np.vstack([sphere(3000), [[3, 0, 0]]])
+    points = np.vstack([sphere(1000), [[3, 0, 0]]])
     drawn = triangulate_points(Mesh(points))
     np.testing.assert_array_equal(drawn.vertices, points)
-    np.testing.assert_array_equal(np.unique(drawn.faces), np.arange(3000))
+    np.testing.assert_array_equal(np.unique(drawn.faces), np.arange(1000))
     corners = points[drawn.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
     areas = np.linalg.norm(normals, axis=1)
