@@ -18,6 +18,7 @@ from forms import form_of
 from unbend import Mesh
 from unbend.datasets import make_sphere
 from unbend.mesh import used_vertices, vertex_areas, vertex_normals
+from unbend.mesh.decimation import decimate
 from unbend.report.figures import draw_canonical_forms, save_figure
 from unbend.report.match_figures import draw_match
 from unbend.report.raster import thumbnail
@@ -42,8 +43,8 @@ class Case:
             for y, z in ((1, 1), (1.1, 0.9), (0.9, 1.2))
         )
         self.other = self.others[0]
-        self.rolled = self.map(np.roll(np.arange(642), 3))
-        self.same = self.map(np.arange(642))
+        self.rolled = self.map(np.roll(np.arange(200), 3))
+        self.same = self.map(np.arange(200))
 
     def map(self, images: np.ndarray) -> np.ndarray:
         return np.concatenate([np.full(self.first, -1), images + self.first])
@@ -71,13 +72,13 @@ def pose(case: Case) -> Iterator[Any]:
 def laplacians(case: Case) -> Iterator[Any]:
     for kind in ("cotangent", "robust"):
         found = unbend.laplacian(case.mesh, laplacian=kind)
-        yield from (found.stiffness.toarray()[-642:, -642:], found.areas[-642:])
+        yield from (found.stiffness.toarray()[-200:, -200:], found.areas[-200:])
 
 
 def spectrum(case: Case) -> Iterator[Any]:
     found = unbend.spectrum(case.mesh, 12)
     yield from (found.eigenvalues, case.rows(found.eigenfunctions))
-    values = unbend.canonical.interpolate(np.arange(5.0), np.arange(5) * 50 + case.first, found)
+    values = unbend.canonical.interpolate(np.arange(5.0), np.arange(5) * 12 + case.first, found)
     yield case.rows(values)
 
 
@@ -95,13 +96,13 @@ def matched(case: Case) -> Iterator[Any]:
 
 
 def errors(case: Case) -> Iterator[Any]:
-    rows = np.arange(0, 642, 9) + case.first
+    rows = np.arange(0, 200, 5) + case.first
     found = unbend.evaluate(case.rolled, case.mesh, rows, rows)
     yield from (found.direct, found.coverage)
 
 
 def carried(case: Case) -> Iterator[Any]:
-    values = case.map(np.arange(642)).astype(float)
+    values = case.map(np.arange(200)).astype(float)
     found = unbend.transfer(values, case.rolled, source=case.mesh, target=case.other)
     yield case.rows(found) - case.first
     yield case.rows(unbend.morph(case.mesh, case.other, case.same, 0.5).vertices)
@@ -194,6 +195,12 @@ CASES: dict[str, Callable[[Case], Iterator[Any]]] = {
     "pages": pages,
     "figures": pictures,
 }
+
+
+@pytest.fixture(scope="module")
+def blob(blob: Mesh) -> Mesh:
+    kept, faces, _ = decimate(blob.vertices, blob.faces, 200)
+    return Mesh(blob.vertices[kept], faces)
 
 
 @pytest.fixture(scope="module")
