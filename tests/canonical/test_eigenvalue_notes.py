@@ -47,7 +47,7 @@ def test_a_split_form_depends_on_the_order_of_the_vertices():
     values = dense.classical_scaling(dense.distances(gram) ** 2, 4)[1]
     assert values[2] == pytest.approx(values[3], rel=1e-9)
     moved: dict[int, list[float]] = {3: [], 4: []}
-    for seed in range(4):
+    for seed in range(2):
         order = np.random.default_rng(seed).permutation(ring.n_vertices)
         other = Mesh(ring.vertices[order], np.argsort(order)[ring.faces])
         for d, apart in moved.items():
@@ -66,8 +66,8 @@ def test_the_warning_says_how_many_components_to_take(d, choices):
 
 
 @pytest.mark.parametrize("make", [make_quadruped, make_biped, make_octopus])
-@pytest.mark.parametrize("options", [{}, {"method": "sampled", "distance": "geodesic"}])
-def test_bodies_split_no_eigenvalue(make, options):
-    body = make(n_vertices=600).mesh
-    for d in range(1, 6):
-        assert form_of(body, n_components=d, **options).notes == ()
+def test_bodies_split_no_eigenvalue(make):
+    body = make(n_vertices=500).mesh
+    for options in ({}, {"method": "sampled", "distance": "geodesic"}):
+        for d in range(1, 6):
+            assert form_of(body, n_components=d, **options).notes == ()

@@ -68,10 +68,10 @@ def test_the_truth_commutes_with_the_symmetry(kind):
 def test_parts_that_grow_together_are_noticed():
     """Legs as thick as these are one: no place on the plain body is that of the web between."""
     thick = {"girth": 0.66, "limbs": 1.68, "legs": 1.17, "body": 1.4}
-    shape = make_quadruped({}, n_vertices=800, **thick)
+    shape = make_quadruped({}, n_vertices=600, **thick)
     rest, faces, bones = shape.rest, shape.mesh.faces, shape.plain_bones
     assert not is_carried_well(rest, shape.reference, faces, bones)
-    plain = make_quadruped({}, n_vertices=800)
+    plain = make_quadruped({}, n_vertices=600)
     assert is_carried_well(plain.rest, plain.reference, plain.mesh.faces, bones)
 
 
@@ -109,7 +109,7 @@ def test_points_keep_their_place_along_a_bone(kind, bone):
 
 def test_the_truth_is_the_same_by_way_of_a_third_body():
     source, target = bodies("biped")
-    middle = make_body("biped", 13, {}, n_vertices=2000, meshing=7)
+    middle = make_body("biped", 13, {}, n_vertices=900, meshing=7)
     direct, around = rest_map(source, target), rest_map(middle, target)[rest_map(source, middle)]
     apart = np.linalg.norm(target.reference[direct] - target.reference[around], axis=1)
     assert np.percentile(apart, 99) < 3 * mean_edge(target.mesh)
