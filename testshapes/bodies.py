@@ -108,7 +108,7 @@ def random_proportions(kind: str, body: int) -> dict[str, float]:
     --------
     >>> from unbend.datasets import make_octopus
     >>> from testshapes.bodies import random_proportions
-    >>> sizes = random_proportions("octopus", 3)
+    >>> sizes = random_proportions("octopus", 7)
     >>> list(sizes)
     ['arms', 'mantle', 'eyes', 'girth', 'limbs']
     >>> make_octopus("swimming", n_vertices=600, **sizes).mesh

@@ -100,7 +100,7 @@ def surface_of_points(cloud: Mesh) -> PointSurface:
     >>> from unbend import Mesh, diagnose
     >>> from unbend.datasets import make_sphere
     >>> from unbend.preparation import surface_of_points
-    >>> found = surface_of_points(Mesh(make_sphere(4).vertices))
+    >>> found = surface_of_points(Mesh(make_sphere(3).vertices))
     >>> health = diagnose(found.mesh)
     >>> health.closed, health.genus, round(health.area / 3.14159)
     (True, 0, 4)
