@@ -51,6 +51,7 @@ def _mean_error(pairs: dict[str, tuple[Shape, Shape]]) -> float:
     means = []
     for name, (source, target) in pairs.items():
         found = match(source.mesh, target.mesh)
+        assert found.overlap_source == found.overlap_target == 1, name
         for point_map, one, other in (
             (found.source_to_target, source, target),
             (found.target_to_source, target, source),

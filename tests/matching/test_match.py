@@ -13,6 +13,7 @@ from unbend.choices import Partial
 from unbend.correspondence import evaluate
 from unbend.datasets import make_quadruped, make_sphere
 from unbend.errors import InputError, UnbendWarning
+from unbend.matching import _constants as constants
 from unbend.matching import match, prepare_spectrum, symmetry
 from unbend.mesh import vertex_areas
 
@@ -104,8 +105,9 @@ def test_symmetry_swaps_left_and_right() -> None:
     assert (told[0], told[-1]) == (("spectrum", 1.0), ("refine", 1.0))
 
 
-def test_maps_that_are_not_refined_are_a_little_rough() -> None:
-    egg = make_egg(4)
+def test_maps_that_are_not_refined_are_a_little_rough(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(constants, "N_VERTICES", (200, 300))  # of copies, fewer than the egg has
+    egg = make_egg(3)
     both = match(egg, egg, mirrored=True, refine=False)
     rough, swap = (symmetry(egg, refine=one) for one in (False, True))
     off, rough_off, swap_off = (
@@ -410,11 +412,11 @@ def test_landmarks_that_are_no_pairs_are_refused() -> None:
 @pytest.mark.parametrize("count", [1, 30])
 def test_landmarks_lead_to_each_other_whatever_the_surface_says(count: int) -> None:
     """A ball has no features; on a stone some lie a little off where its shape says."""
-    ball = make_sphere(3)
+    ball = make_sphere(2)
     stone = Mesh(ball.vertices * [1, 0.8, 0.6] + 0.2 * ball.vertices[:, [1, 2, 0]] ** 2, ball.faces)
     turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
     turn *= np.linalg.det(turn)
-    edge = 0.15  # the mean one of either
+    edge = 0.3  # the mean one of either
     for mesh, moved in (ball, ball.vertices @ turn.T), (stone, _slid(stone)):
         sources = np.arange(0, mesh.n_vertices, mesh.n_vertices // count)[:count]
         goals = np.linalg.norm(mesh.vertices - moved[sources, None], axis=2).argmin(axis=1)
@@ -422,19 +424,19 @@ def test_landmarks_lead_to_each_other_whatever_the_surface_says(count: int) -> N
         found = match(mesh, mesh, n_eigenpairs=20, landmarks=landmarks)
         assert found.missed_landmarks == ()
         off = mesh.vertices[found.source_to_target[sources]] - mesh.vertices[goals]
-        assert np.linalg.norm(off, axis=1).max() < 1.5 * edge
+        assert np.linalg.norm(off, axis=1).max() < 0.75 * edge
 
 
 def _slid(stone: Mesh) -> np.ndarray:
-    """Vertices 18 degrees about an axis on, which is two edges."""
-    angle = np.deg2rad(18)
+    """Vertices 36 degrees about an axis on, which is two edges."""
+    angle = np.deg2rad(36)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     return np.hstack([stone.vertices[:, :2] @ turn.T, stone.vertices[:, 2:]])
 
 
 def test_a_landmark_where_it_is_asked_for_settles_which_of_several_maps_it_is() -> None:
     """An ellipsoid turned by half a turn about any axis is itself: there are four maps."""
-    ball = make_sphere(3)
+    ball = make_sphere(2)
     places = ball.vertices * [1, 0.75, 0.5]
     found = match((places, ball.faces), (places, ball.faces))
     assert found.confidence < 0.6
@@ -448,6 +450,6 @@ def test_a_landmark_where_it_is_asked_for_settles_which_of_several_maps_it_is() 
 
 
 def test_no_landmark_is_asked_for_where_no_other_map_is_nearly_as_good() -> None:
-    ball = make_sphere(3)
+    ball = make_sphere(2)
     stone = ball.vertices * [1, 0.8, 0.6] + 0.2 * ball.vertices[:, [1, 2, 0]] ** 2
     assert match((stone, ball.faces), (stone, ball.faces)).landmark_hints == ()

@@ -60,9 +60,10 @@ def _error(point_map: IntArray, target: Body, truth: IntArray) -> float:
     return float(np.linalg.norm(goal[point_map[some]] - goal[truth[some]], axis=1).mean())
 
 
-def test_candidates_differ_by_the_distance_between_where_they_lead() -> None:
-    sides = make_sides(_shape(WITHOUT_ARM.mesh, partial=True), _shape(TARGET.mesh))
-    first = candidates(sides)[0]
+def test_candidates_differ_by_the_distance_between_where_they_lead(
+    parts: Sides, of_parts: Candidate
+) -> None:
+    first = of_parts
     pose, n = first.registered.source, len(first.registered.forward)
     first = replace(first, registered=first.registered._replace(source=_with_overlap(pose, n, 3)))
     other = replace(
@@ -71,9 +72,9 @@ def test_candidates_differ_by_the_distance_between_where_they_lead() -> None:
             forward=np.roll(first.registered.forward, 1), source=_with_overlap(pose, n, 5)
         ),
     )
-    none, apart = differences(sides, [first, other])
+    none, apart = differences(parts, [first, other])
     assert not none.any()
-    target = sides.target.proxies[COARSE]
+    target = parts.target.proxies[COARSE]
     images = target.parents[first.registered.forward]
     every = np.delete(np.arange(n), [3, 5])
     np.testing.assert_array_equal(
@@ -112,6 +113,12 @@ def found(bodies: Sides, told: list[tuple[str, float]]) -> list[Candidate]:
 def parts() -> Sides:
     """The same, the source without an arm."""
     return make_sides(_shape(WITHOUT_ARM.mesh, partial=True), _shape(TARGET.mesh))
+
+
+@pytest.fixture(scope="module")
+def of_parts(parts: Sides) -> Candidate:
+    """The best candidate for them."""
+    return candidates(parts)[0]
 
 
 @pytest.fixture(scope="module")
@@ -162,8 +169,8 @@ def test_the_search_reports_its_progress(
     assert shares[-1] == 1
 
 
-def test_a_part_is_found_on_the_whole(parts: Sides) -> None:
-    first = candidates(parts)[0].registered
+def test_a_part_is_found_on_the_whole(parts: Sides, of_parts: Candidate) -> None:
+    first = of_parts.registered
     assert _error(first.forward, TARGET, TRUTH[WITHOUT_ARM.origin]) < 0.05
     arm = TARGET.labels == TARGET.parts.index("left_arm")
     end = arm & (first.target.overlap == 0)
