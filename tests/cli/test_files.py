@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from stones import write_stones
 from unbend import Mesh, read_mesh, write_match, write_mesh
 from unbend.cli import app
 from unbend.datasets import make_quadruped
@@ -150,10 +151,13 @@ def test_landmarks_are_carried_and_lead_a_match(folder: Path) -> None:
     assert json.loads(done.stdout)["kind"] == "landmarks"
     labels, vertices = read_markups("b.mrk.json", TARGET)
     assert (labels, vertices.tolist()) == (["nose", "tail", "paw"], [3, 500, 77])
+    stones = write_stones(folder, 2)
+    for name, stone in zip("ab", stones, strict=True):
+        write_markups(f"{name}.mrk.json", read_mesh(stone), [3, 100], ["top", "side"])
     hints = ["--landmarks", "a.mrk.json", "--landmarks", "b.mrk.json"]
-    done = right("match", "a.ply", "b.ply", *hints, "--no-refine", "--json")
+    done = right("match", *stones, *hints, "--no-refine", "--json")
     assert json.loads(done.stdout)["missed_landmarks"] == []
-    done = CliRunner().invoke(app, ["match", "a.ply", "b.ply", *hints[:2]])
+    done = CliRunner().invoke(app, ["match", *map(str, stones), *hints[:2]])
     assert done.exit_code == 2
     assert "--landmarks takes one .csv file" in done.stderr
 

@@ -98,7 +98,7 @@ SCHEMA: dict[str, dict[str, Any]] = {
         "n_without_preimage": int, "confidence": MAYBE,
     },
     "register a.ply b.ply --map map.txt -o OUT/fitted.ply": FITTED,
-    "register a.ply a.ply b.ply none.ply -o OUT/fitted": FITTED,
+    "register a.ply b.ply none.ply -o OUT/fitted": FITTED,
     "view a.ply b.ply --no-open -o OUT/view.html": {"a": str, "b": (str, type(None))},
     "similarity a.ply b.ply --known-correspondence --no-cache": {
         "pairs": [{"model": str, "probe": str, "similarity": NUMBER, "confidence": MAYBE}],
@@ -141,7 +141,7 @@ SCHEMA: dict[str, dict[str, Any]] = {
             ("nearest_neighbor", "first_tier", "second_tier", "e_measure", "dcg", "map"), NUMBER
         ),
     },
-    "collection register store --template a.ply -o OUT/registered --workers 0": {
+    "collection register store --template a.ply -o registered --workers 0": {
         "store": str, "template": str, "n_registered": int, "n_skipped": int, "failed": FAILED,
         "shapes": [
             {
@@ -189,6 +189,7 @@ def test_json_has_the_keys_and_types_of_the_table(
     monkeypatch.setattr("unbend.app.serve", lambda paths, ready, **_: ready("http://address/"))
     monkeypatch.setattr(demo, "_N_VERTICES", 600)
     monkeypatch.setattr(demo, "_COMPARED", 100)
+    monkeypatch.setattr(demo, "_POSES", {"dog": ("standing", "sitting"), "human": ("standing",)})
     if line.startswith("collection remove"):
         Collection(tmp_path / "store").add("a.ply", workers=0)
     words = shlex.split(line.replace("OUT", str(tmp_path)))

@@ -9,14 +9,15 @@ import pytest
 import trimesh
 from typer.testing import CliRunner
 
+from sheets import make_egg
 from stones import write_stones
 from testshapes.damage import keep
-from unbend import Mesh, morph, read_mesh, write_mesh
+from unbend import morph, read_mesh, write_mesh
 from unbend.cli import _output, app
 from unbend.cli._output import warn_if_doubtful
 from unbend.cli.match import summary
 from unbend.correspondence import read_match, write_match
-from unbend.datasets import make_octopus, make_quadruped, rest_map
+from unbend.datasets import make_quadruped, make_sphere, rest_map
 from unbend.io import read_map, read_values, write_map, write_values
 from unbend.matching import Match
 from unbend.report import match_colors
@@ -78,65 +79,66 @@ def test_match_tells_and_writes_what_it_found(folder: Path) -> None:
     assert (folder / "a.glb").read_bytes().startswith(b"glTF")
 
 
-def test_match_writes_a_map_without_the_rest_of_the_match(folder: Path, tmp_path: Path) -> None:
+def test_match_writes_a_map_without_the_rest_of_the_match(tmp_path: Path) -> None:
     out = tmp_path / "map.vts"
-    done = right("match", folder / "a.ply", folder / "b.ply", "-o", out, "--no-refine")
+    done = right("match", *write_stones(tmp_path, 2), "-o", out, "--no-refine")
     *found, written, next_step = done.stdout.splitlines()
     assert written == f"written: {out}"
     told = dict(line.split(maxsplit=1) for line in found)
-    assert told["matched"].startswith("800 vertices of a.ply to b.ply, ")
+    assert told["matched"].startswith("162 vertices of stone00.ply to stone01.ply, ")
     assert 0 <= float(told["confidence"].split()[0]) <= 1
     assert next_step.startswith("next: unbend transfer")
-    assert len(read_map(out, n_target=700)) == 800
+    assert len(read_map(out, n_target=162)) == 162
 
 
-def test_match_takes_a_component(tmp_path: Path, blob: Mesh) -> None:
-    small, other = write_stones(tmp_path, 2)
-    stone = read_mesh(small)
-    both = np.vstack([stone.vertices, blob.vertices + 9])
-    write_mesh(tmp_path / "two.ply", (both, np.vstack([stone.faces, blob.faces + 162])))
+def test_match_takes_a_component(tmp_path: Path) -> None:
+    large, other = write_stones(tmp_path, 2)
+    stone, ball = read_mesh(large), make_sphere(1)
+    both = np.vstack([ball.vertices / 2, stone.vertices + 9])
+    write_mesh(tmp_path / "two.ply", (both, np.vstack([ball.faces, stone.faces + 42])))
     arguments = ["match", tmp_path / "two.ply", other, "--no-refine"]
     whole = right(*arguments)
-    assert "804 vertices" in whole.stdout
-    assert "its largest component is matched, 642 of 804 vertices" in whole.stderr
+    assert "204 vertices" in whole.stdout
+    assert "its largest component is matched, 162 of 204 vertices" in whole.stderr
     done = right(*arguments, "--component", "largest")
-    assert "642 of 804 vertices" in done.stdout
-    assert "162 unreferenced vertices are NaN in the result, -1 in a map" in done.stderr
+    assert "162 of 204 vertices" in done.stdout
+    assert "42 unreferenced vertices are NaN in the result, -1 in a map" in done.stderr
     assert "next: add -o MAP.npz" in done.stdout
     # The other shape has no second component, and is matched as it is.
     done = right(*arguments, "--component", "1")
-    assert f"162 of 804 vertices of two.ply to {other.name}" in done.stdout
+    assert f"42 of 204 vertices of two.ply to {other.name}" in done.stdout
     for paths in (arguments[:3], ["match", other, other]):
         done = run(*paths, "--component", "2")
         assert done.exit_code == 2
         assert "there is no component 2" in done.stderr
 
 
-def test_match_of_a_part_with_hints_and_alternatives(folder: Path, tmp_path: Path) -> None:
-    legless = keep(TARGET.mesh, TARGET.labels != TARGET.parts.index("left_foreleg"))
-    write_mesh(tmp_path / "torn.ply", legless.mesh)
-    truth = rest_map(SOURCE, TARGET)
-    (tmp_path / "hints.csv").write_text(f"source,target\n5,{legless.image[truth[5]]}\n")
-    assert legless.image[truth[5]] >= 0
+def test_match_of_a_part_with_hints_and_alternatives(tmp_path: Path) -> None:
+    egg = make_egg(2)
+    torn = keep(egg, egg.vertices[:, 1] > np.quantile(egg.vertices[:, 1], 0.2))
+    write_mesh(tmp_path / "egg.ply", egg)
+    write_mesh(tmp_path / "torn.ply", torn.mesh)
+    assert torn.image[50] >= 0
+    (tmp_path / "hints.csv").write_text(f"source,target\n50,{torn.image[50]}\n")
     out = tmp_path / "map.npz"
     told = json.loads(
         right(
-            *("match", folder / "a.ply", tmp_path / "torn.ply", "-o", out, "--partial", "target"),
+            *("match", tmp_path / "egg.ply", tmp_path / "torn.ply", "-o", out),
+            *("--partial", "target"),
             *("--landmarks", tmp_path / "hints.csv", "--n-matches", "2"),
             *("--figure", tmp_path / "torn.png", "--json"),
         ).stdout
     )
     written = read_match(out)
-    lost = SOURCE.labels == SOURCE.parts.index("left_foreleg")
-    assert (written.source_to_target[lost] < 0).mean() > 0.8
-    assert told["n_matched"] == int((written.source_to_target >= 0).sum()) < 800
-    assert 0.8 < told["overlap_source"] == written.overlap_source < 1
+    assert (written.source_to_target[torn.image < 0] < 0).mean() > 0.8
+    assert told["n_matched"] == int((written.source_to_target >= 0).sum()) < 162
+    assert 0.7 < told["overlap_source"] == written.overlap_source < 0.9
     assert told["overlap_target"] == 1
     assert told["missed_landmarks"] == []
     (other,) = told["alternatives"]
     assert other["confidence"] <= told["confidence"]
     assert told["written"][:2] == [str(out), str(tmp_path / "map-2.npz")]
-    assert len(read_match(told["written"][1]).source_to_target) == 800
+    assert len(read_match(told["written"][1]).source_to_target) == 162
 
 
 def test_a_map_in_disorder_is_said_by_whatever_uses_it(folder: Path, tmp_path: Path) -> None:
@@ -346,19 +348,20 @@ def test_similarity_sorts_and_tabulates(folder: Path, tmp_path: Path) -> None:
 
 
 def test_similarity_of_shapes_meshed_apart(folder: Path, tmp_path: Path) -> None:
-    write_mesh(tmp_path / "octopus.ply", make_octopus(n_vertices=600).mesh)
-    page, shapes = tmp_path / "page.html", (folder / "b.ply", tmp_path / "octopus.ply")
+    for level in (2, 3):
+        write_mesh(tmp_path / f"egg{level}.ply", make_egg(level))
+    page, shapes = tmp_path / "page.html", (tmp_path / "egg3.ply", folder / "a.ply")
     options = ("--n-components", 8, "--report", page, "--json")
-    done = right("similarity", folder / "a.ply", *shapes, *options)
+    done = right("similarity", tmp_path / "egg2.ply", *shapes, *options)
     told = json.loads(done.stdout)
     assert told["warnings"]
-    assert all(one.startswith("a.ply to octopus.ply: ") for one in told["warnings"])
+    assert all(one.startswith("egg2.ply to a.ply: ") for one in told["warnings"])
     pair, other = told["pairs"]
     assert pair["similarity"] > 0.97
     assert pair["confidence"] > 0.6 > other["confidence"]
     html = page.read_text(encoding="utf-8")
-    assert "octopus.ply (doubtful match)" in html
-    assert "b.ply (doubtful match)" not in html
+    assert "a.ply (doubtful match)" in html
+    assert "egg3.ply (doubtful match)" not in html
 
 
 @pytest.mark.parametrize(
@@ -449,18 +452,20 @@ def test_mistakes_get_one_sentence_and_write_nothing(
 
 
 def test_symmetry_writes_the_mirror_partners(
-    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    told = json.loads(right("symmetry", folder / "a.ply", "-o", folder / "p.csv", "--json").stdout)
+    egg, out = make_egg(2), tmp_path / "p.csv"
+    write_mesh(tmp_path / "egg.ply", egg)
+    told = json.loads(right("symmetry", tmp_path / "egg.ply", "-o", out, "--json").stdout)
     assert told["confidence"] > 0.5 > 0 > told["orientation"]
-    off = SOURCE.mesh.vertices[read_map(folder / "p.csv")] - SOURCE.mesh.vertices[SOURCE.mirror]
-    assert np.median(np.linalg.norm(off, axis=1)) < 0.02 * np.ptp(SOURCE.mesh.vertices)
+    partners = egg.vertices[read_map(out)]
+    np.testing.assert_allclose(partners * [-1, 1, 1], egg.vertices, atol=1e-6)
     monkeypatch.setattr(_output, "is_doubtful", lambda confidence: True)
-    (stone,) = write_stones(tmp_path, 1)
+    before = sorted(tmp_path.iterdir())
     unsure = ["--min-confidence", 1, "--no-refine", "-o", tmp_path / "none.csv"]
-    done = run("symmetry", stone, *unsure, "--report", tmp_path / "none.html")
+    done = run("symmetry", tmp_path / "egg.ply", *unsure, "--report", tmp_path / "none.html")
     assert done.exit_code == 3
-    assert list(tmp_path.iterdir()) == [stone]
+    assert sorted(tmp_path.iterdir()) == before
     assert "look at it with unbend match --report" in done.stderr  # not with a page that is not
 
 

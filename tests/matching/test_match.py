@@ -57,9 +57,10 @@ def test_itself_is_the_identity(blob: Mesh) -> None:
 
 
 def test_symmetric_shape_and_its_mirror_image() -> None:
-    dog = make_quadruped("standing", n_vertices=600)
-    image = Mesh(dog.mesh.vertices * MIRROR, dog.mesh.faces[:, ::-1])
-    assert _share_right(match(dog.mesh, image).source_to_target, image, dog.mirror) > 0.99
+    egg, image = make_egg(2), make_egg(2, -1)
+    found = match(egg, image)
+    assert found.orientation > 0.9
+    np.testing.assert_allclose(image.vertices[found.source_to_target], egg.vertices, atol=1e-9)
 
 
 def test_vertex_order_motion_and_unit_do_not_matter(blob: Mesh) -> None:
@@ -409,15 +410,18 @@ def test_landmarks_that_are_no_pairs_are_refused() -> None:
         match(egg, egg, n_eigenpairs=20, landmarks=[[1, 2], [3]])
 
 
-@pytest.mark.parametrize("count", [1, 30])
-def test_landmarks_lead_to_each_other_whatever_the_surface_says(count: int) -> None:
+def test_landmarks_lead_to_each_other_whatever_the_surface_says() -> None:
     """A ball has no features; on a stone some lie a little off where its shape says."""
     ball = make_sphere(2)
     stone = Mesh(ball.vertices * [1, 0.8, 0.6] + 0.2 * ball.vertices[:, [1, 2, 0]] ** 2, ball.faces)
     turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
     turn *= np.linalg.det(turn)
     edge = 0.3  # the mean one of either
-    for mesh, moved in (ball, ball.vertices @ turn.T), (stone, _slid(stone)):
+    for count, mesh, moved in (
+        (1, ball, ball.vertices @ turn.T),
+        (1, stone, _slid(stone)),
+        (30, stone, _slid(stone)),
+    ):
         sources = np.arange(0, mesh.n_vertices, mesh.n_vertices // count)[:count]
         goals = np.linalg.norm(mesh.vertices - moved[sources, None], axis=2).argmin(axis=1)
         landmarks = np.stack([sources, goals], axis=1)
