@@ -2,17 +2,19 @@
 
 import json
 import shlex
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, get_type_hints
 
 import pytest
 from typer.testing import CliRunner
 
+import unbend
 from every_command import every_command
 from stones import write_pair
 from unbend.cli import app
 from unbend.cli._options import written
+from unbend.matching import Match
 
 # Options that take text: what each writes, and those that are read or are no files.
 OUTPUTS = {
@@ -99,12 +101,27 @@ def words_of(given: str | list[str]) -> str:
     return given if isinstance(given, str) else " ".join(given)
 
 
+def once(function: Callable[..., Match]) -> Callable[..., Match]:
+    """Give what the function gave at the first call."""
+    found: list[Match] = []
+
+    def call(*arguments: Any, **options: Any) -> Match:
+        if not found:
+            found.append(function(*arguments, **options))
+        return found[0]
+
+    return call
+
+
 @pytest.fixture(scope="module")
-def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two shapes, a store of them, and what else is read."""
+def given(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Two shapes, which are matched once, a store of them, and what else is read."""
     folder = tmp_path_factory.mktemp("outputs")
     write_pair(folder)
-    return folder
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("match", "symmetry"):
+            patch.setattr(unbend, name, once(getattr(unbend, name)))
+        yield folder
 
 
 def test_every_option_that_takes_text_is_known_and_every_output_tried() -> None:

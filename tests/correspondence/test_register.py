@@ -244,7 +244,8 @@ def test_onto_points_it_lies_on_their_surface() -> None:
     match = cloud.image[TRUTH]
     found = register(TEMPLATE.mesh, cloud.mesh, match)
     assert found.coverage > 0.9
-    assert np.median(distance_to_faces(found.mesh.vertices, SCAN.mesh)) < 0.2 * mean_edge(SCAN.mesh)
+    some = found.mesh.vertices[::10]
+    assert np.median(distance_to_faces(some, SCAN.mesh)) < 0.2 * mean_edge(SCAN.mesh)
 
 
 def test_what_does_not_fit(moebius_strip: Mesh) -> None:

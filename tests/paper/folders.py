@@ -16,10 +16,10 @@ def write_animals(folder: Path) -> Path:
     return folder
 
 
-def write_people(folder: Path) -> Path:
-    """Four poses of a person, numbered alike."""
+def write_people(folder: Path, count: int = 4) -> Path:
+    """Four poses of a person, or fewer, numbered alike."""
     folder.mkdir(parents=True, exist_ok=True)
-    for i, pose in enumerate(("standing", "walking", "sitting", "bowing")):
+    for i, pose in enumerate(("standing", "walking", "sitting", "bowing")[:count]):
         write_mesh(folder / f"mesh{i:03d}.off", make_biped(pose, n_vertices=600).mesh)
     return folder
 

@@ -19,7 +19,7 @@ PAGES = [*ROOT.glob("docs/reproduction/*/README.md"), *ROOT.glob("*.md")]
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("scape")
-    write_people(path / "SCAPE")
+    write_people(path / "SCAPE", 3)
     (path / "empty").mkdir()
     (path / "file").write_text("no folder")
     return path
