@@ -6,7 +6,7 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
-from sheets import lopsided, make_egg, make_twisted_ball
+from sheets import lopsided, make_egg, make_torus, make_twisted_ball
 from testshapes.damage import Damaged, keep
 from unbend import Mesh, read_mesh
 from unbend.choices import Partial
@@ -165,7 +165,7 @@ def test_open_surface_and_small_mesh() -> None:
 
 @pytest.mark.filterwarnings("ignore:part of the map is wrong")
 def test_the_same_every_time_and_unlike_shapes_are_not_trusted(blob: Mesh) -> None:
-    other = make_quadruped("walking", n_vertices=600).mesh
+    other = make_torus(20, 8)
     told: list[tuple[str, float]] = []
     one = match(blob, other, refine=False, progress=lambda *stage: told.append(stage))
     two = match(blob, other, refine=False)
@@ -372,15 +372,13 @@ def test_landmarks_are_vertices_of_source_and_target() -> None:
     )
 
 
-@pytest.mark.parametrize("n_eigenpairs", [4, 20])
-def test_a_functional_map_is_of_as_many_functions_as_asked_for(n_eigenpairs: int) -> None:
+def test_a_functional_map_is_of_as_many_functions_as_asked_for() -> None:
     egg = make_egg(2)
-    found = match(egg, egg, n_eigenpairs=n_eigenpairs, refine=False)
-    assert found.functional_map.shape == (n_eigenpairs, n_eigenpairs)
-    assert symmetry(egg, n_eigenpairs=n_eigenpairs, refine=False).functional_map.shape == (
-        n_eigenpairs,
-        n_eigenpairs,
-    )
+    for found in (
+        match(egg, egg, n_eigenpairs=4, refine=False),
+        symmetry(egg, n_eigenpairs=4, refine=False),
+    ):
+        assert found.functional_map.shape == (4, 4)
 
 
 @pytest.mark.parametrize("wrong", [3, 4.5, True])
