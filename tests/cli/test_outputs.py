@@ -102,13 +102,14 @@ def words_of(given: str | list[str]) -> str:
 
 
 def once(function: Callable[..., Match]) -> Callable[..., Match]:
-    """Give what the function gave at the first call."""
-    found: list[Match] = []
+    """Call a function of the same shapes once with the same options."""
+    found: dict[str, Match] = {}
 
-    def call(*arguments: Any, **options: Any) -> Match:
-        if not found:
-            found.append(function(*arguments, **options))
-        return found[0]
+    def call(*shapes: Any, progress: Any, **options: Any) -> Match:
+        key = str(options)
+        if key not in found:
+            found[key] = function(*shapes, progress=progress, **options)
+        return found[key]
 
     return call
 
