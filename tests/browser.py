@@ -22,6 +22,8 @@ import pytest
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 # Half the resolution is drawn in software in half the time, and is no sight for people.
 SCALE = 1 if os.environ.get("UNBEND_SCREENSHOTS") else 0.5
+# As many as may draw at once, fewer than elsewhere: a page with more is soon made.
+CONTEXTS = 4
 _PATIENCE = 60.0
 # Chromium reads commands from descriptor 3 and answers on 4.
 _LAUNCH = (
@@ -51,7 +53,8 @@ def start_browser(folder: Path, address: str = "") -> Browser:
 class Browser:
     """A page in a browser that has no network; everything that goes wrong is in `problems`.
 
-    With an address, what begins with it may be asked for.
+    What the browser itself says beside that is in `notes`. With an address, what begins with it
+    may be asked for.
     """
 
     def __init__(
@@ -66,11 +69,15 @@ class Browser:
         for fd in (*pipes[0], *pipes[1]):
             os.close(fd)
         (theirs_in, self._write), (self._read, theirs_out) = ends
+        # Without a graphics processor, what puts pages together is faster without it, too. Frames
+        # share the process and the contexts of their page, as in browsers that keep them together.
         arguments = [
             "--headless=new", "--no-sandbox", "--remote-debugging-pipe", "--use-angle=swiftshader",
-            "--enable-unsafe-swiftshader", f"--user-data-dir={profile}", "--no-first-run",
+            "--enable-unsafe-swiftshader", "--disable-gpu-compositing", "--no-first-run",
+            f"--max-active-webgl-contexts={CONTEXTS}", "--disable-features=IsolateSandboxedIframes",
             "--disable-extensions", "--disable-background-networking", "--disable-dev-shm-usage",
-            f"--window-size={width},{height}", "--hide-scrollbars", "about:blank",
+            f"--user-data-dir={profile}", f"--window-size={width},{height}", "--hide-scrollbars",
+            "about:blank",
         ]  # fmt: skip
         self._log = open(profile.with_suffix(".log"), "wb")  # noqa: SIM115
         self._process = subprocess.Popen(
@@ -86,6 +93,7 @@ class Browser:
         self._selector.register(self._read, selectors.EVENT_READ)
         self._buffer, self._number, self._session = b"", 0, ""
         self.problems: list[str] = []
+        self.notes: list[str] = []
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         attached = self.call("Target.attachToTarget", targetId=target, flatten=True)
         self._session = self._first = attached["sessionId"]
@@ -145,8 +153,9 @@ class Browser:
             self.problems.append(details.get("exception", {}).get("description", details["text"]))
         if method == "Runtime.consoleAPICalled" and told["type"] in ("error", "warning", "assert"):
             self.problems.append(str([one.get("value") for one in told["args"]]))
-        if method == "Log.entryAdded" and told["entry"]["level"] == "error":
-            self.problems.append(told["entry"]["text"])
+        if method == "Log.entryAdded":
+            kind = self.problems if told["entry"]["level"] == "error" else self.notes
+            kind.append(told["entry"]["text"])
         if method == "Network.requestWillBeSent":
             address = told["request"]["url"]
             if not address.startswith(self._allowed):
@@ -172,7 +181,7 @@ class Browser:
         while not self.run("document.documentElement?.dataset.ready || ''"):
             if self.problems or time.monotonic() > until:
                 raise RuntimeError(f"{address} did not draw: {self.problems}")
-            time.sleep(0.05)
+            time.sleep(0.02)
         self.settle()
 
     def switch(self, session: str | None) -> None:
@@ -254,7 +263,7 @@ class Browser:
             f"(document.querySelector({name!r}).getBoundingClientRect())"
         )
         clip = dict(zip(("x", "y", "width", "height"), box, strict=True), scale=1)
-        more = {"captureBeyondViewport": True, "clip": clip}
+        more = {"captureBeyondViewport": True, "optimizeForSpeed": SCALE < 1, "clip": clip}
         data = base64.b64decode(self.call("Page.captureScreenshot", **more)["data"])
         if save is not None:
             save.write_bytes(data)

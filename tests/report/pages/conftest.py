@@ -5,7 +5,7 @@ import pytest
 from browser import Browser, start_browser
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def chromium(tmp_path_factory: pytest.TempPathFactory):
     browser = start_browser(tmp_path_factory.mktemp("browser"))
     yield browser
@@ -16,5 +16,6 @@ def chromium(tmp_path_factory: pytest.TempPathFactory):
 def browser(chromium: Browser):
     """A browser to which nothing bad happens during a test."""
     chromium.problems.clear()
+    chromium.notes.clear()
     yield chromium
     assert chromium.problems == []

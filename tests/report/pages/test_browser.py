@@ -136,11 +136,19 @@ def test_the_click_hits_the_vertex_under_the_pointer(browser, match_html, dogs) 
     assert (np.abs(near - orange).max(axis=2) < 0.06).sum() > 20
 
 
-def test_a_number_can_be_typed(browser, match_html, dogs) -> None:
+def test_a_number_can_be_typed_and_another_map_chosen(browser, match_html, dogs) -> None:
     _, target, forward = dogs
     browser.open(match_html)
+    plain = browser.picture("#target")
     typed = "(b => {{ b.value = '{}'; b.dispatchEvent(new Event('change')) }})(part('{}-vertex'))"
     browser.run(typed.format(123, "source"))
+    assert numbers(browser) == [123, forward[123]]
+    choose = "(s => {{ s.value = '{}'; s.dispatchEvent(new Event('change')) }})(part('map'))"
+    browser.run(choose.format(1))
+    assert numbers(browser) == [123, MIRRORED[123]]
+    browser.settle()
+    assert changed(plain, browser.picture("#target")) > 0.05
+    browser.run(choose.format(0))
     assert numbers(browser) == [123, forward[123]]
     browser.run(typed.format(7, "target"))
     assert numbers(browser) == [invert_map(forward, target)[7], 7]
@@ -169,22 +177,6 @@ def test_thinned_shapes_tell_the_numbers_of_the_files(
     browser.run(f"part('source-vertex').value = {lost}")
     browser.run("part('source-vertex').dispatchEvent(new Event('change'))")
     assert browser.run("part('readout').textContent") == "that vertex is not shown"
-
-
-def test_another_map_can_be_chosen(browser, match_html, dogs) -> None:
-    browser.open(match_html)
-    plain = browser.picture("#target")
-    typed = (
-        "(b => { b.value = '123'; b.dispatchEvent(new Event('change')) })(part('source-vertex'))"
-    )
-    choose = "(s => {{ s.value = '{}'; s.dispatchEvent(new Event('change')) }})(part('map'))"
-    browser.run(typed)
-    browser.run(choose.format(1))
-    assert numbers(browser) == [123, MIRRORED[123]]
-    browser.settle()
-    assert changed(plain, browser.picture("#target")) > 0.05
-    browser.run(choose.format(0, "map"))
-    assert numbers(browser) == [123, dogs[2][123]]
 
 
 def test_both_shapes_turn_together_by_mouse_and_keys(browser, match_html) -> None:
@@ -293,22 +285,6 @@ def test_large_shapes_are_coarse_while_they_move_without_a_graphics_processor(
     still = f"drawn.at(-1) === {ball.n_faces} ? r() : setTimeout(w, 20)"
     browser.run(f"new Promise(r => {{ const w = () => {still}; w() }})")
     assert 100 < browser.run("Math.min(...drawn)") < 0.6 * ball.n_faces
-
-
-def test_a_notebook_shows_a_page(browser, dogs, tmp_path, screenshots) -> None:
-    cell = tmp_path / "notebook.html"
-    ready = "<script>document.documentElement.dataset.ready = 'yes'</script>"
-    cell.write_text(
-        f"<!doctype html><body>{view(dogs[0], values=range(N))._repr_html_()}{ready}",
-        encoding="utf-8",
-    )
-    browser.open(cell)
-    for _ in range(100):
-        if drawn(browser.picture("iframe")) > 0.01:
-            break
-    else:
-        pytest.fail("the frame is blank")
-    browser.picture(save=screenshots / "notebook.png")
 
 
 def test_two_places_tell_their_distances(browser, form_html, dogs, screenshots) -> None:
