@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 import pytest
 
@@ -72,7 +73,7 @@ def shaded(picture) -> float:
     return float((picture.mean(axis=2) < 0.75).mean())
 
 
-def test_the_heat_map_names_what_is_pointed_at(page, screenshots) -> None:
+def test_the_heat_map_names_what_is_pointed_at_and_shows_its_value(page, screenshots) -> None:
     order = page.run("heatMap.order")
     page.picture(save=screenshots / "similarity.png")
     for row, column in ((0, 1), (3, 2), (1, 4)):
@@ -81,12 +82,7 @@ def test_the_heat_map_names_what_is_pointed_at(page, screenshots) -> None:
         i, j = order[row], order[column]
         value = "unknown" if np.isnan(VALUES[i, j]) else f"{VALUES[i, j]:.4f}"
         assert page.run(READOUT) == f"{NAMES[i]} \u2194 {NAMES[j]}: similarity {value}"
-
-
-def test_cells_have_the_colours_of_their_values(page) -> None:
-    import matplotlib
-
-    order = page.run("heatMap.order")
+    # Cells have the colours of their values.
     page.mouse("mouseMoved", 1, 1)
     page.settle()
     picture = page.picture("#heat")
@@ -103,7 +99,7 @@ def test_cells_have_the_colours_of_their_values(page) -> None:
         np.testing.assert_allclose(picture[y, x], want, atol=0.03)
 
 
-def test_a_click_or_keys_open_both_shapes(page, screenshots) -> None:
+def test_a_click_or_keys_open_both_shapes_which_turn_together(page, screenshots) -> None:
     order = page.run("heatMap.order")
     before = [page.picture(f"#{name}") for name in ("first", "second")]
     row, column = order.index(2), order.index(3)
@@ -118,6 +114,10 @@ def test_a_click_or_keys_open_both_shapes(page, screenshots) -> None:
     page.press("Enter")
     assert chosen(page) == [NAMES[order[row - 1 if row else 1]], "horse"]
     page.picture(save=screenshots / "similarity-opened.png")
+    names = ("#first", "#second")
+    start = [page.picture(name) for name in names]
+    page.drag(page.middle("#first", 0.8, 0.8), 90, 0)
+    assert min(map(changed, start, map(page.picture, names))) > 0.01
 
 
 def test_pictures_are_drawn_and_open_beside_the_most_alike(page, screenshots) -> None:
@@ -135,13 +135,6 @@ def test_pictures_are_drawn_and_open_beside_the_most_alike(page, screenshots) ->
     page.run("(s => { s.value = 'z'; s.dispatchEvent(new Event('change')) })(part('up'))")
     page.settle()
     assert changed(start, page.picture(".card[data-shape='2'] canvas")) > 0.02
-
-
-def test_both_turn_together(page) -> None:
-    names = ("#first", "#second")
-    start = [page.picture(name) for name in names]
-    page.drag(page.middle("#first", 0.8, 0.8), 90, 0)
-    assert min(map(changed, start, map(page.picture, names))) > 0.01
 
 
 def test_the_page_is_readable_in_the_dark_and_on_a_telephone(page, screenshots) -> None:
