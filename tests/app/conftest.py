@@ -54,11 +54,11 @@ class App:
     def wait(self, true, seconds: float = 60.0):
         """Wait for a state of the app."""
         pause = threading.Event()
-        for _ in range(int(seconds / 0.05)):
+        for _ in range(int(seconds / 0.02)):
             state = self.get("state")
             if true(state):
                 return state
-            pause.wait(0.05)
+            pause.wait(0.02)
         raise AssertionError(state)
 
 
@@ -74,9 +74,9 @@ def temporary(tmp_path_factory: pytest.TempPathFactory):
         yield folder
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Collection:
-    """A collection of an octopus and two dogs."""
+    """A collection of an octopus and two dogs, only to be read."""
     folder = tmp_path_factory.mktemp("collection")
     write_mesh(folder / "octopus.ply", make_octopus(n_vertices=600).mesh)
     for pose in ("standing", "galloping"):

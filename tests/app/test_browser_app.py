@@ -109,6 +109,12 @@ def test_from_two_dropped_files_to_a_saved_map_with_hints(page, dogs, tmp_path, 
     page.visit(page.run("location.href"))
     assert page.run("[state.shapes.length, state.results.length]") == [2, 3]
     assert page.run("document.querySelectorAll('#results button').length") == 3
+    # A result offers nothing more when its shape is removed.
+    page.run("document.querySelectorAll('#results button')[1].click()")
+    page.wait_for("part('result').textContent.includes('Use this map')")
+    page.run("document.querySelector('[aria-label=\"Remove standing.ply\"]').click()")
+    page.wait_for("part('result').textContent.includes('A shape of this result was removed')")
+    assert "Use this map" not in page.run("part('result').textContent")
 
 
 def test_a_bad_file_is_a_sentence_beside_good_ones(page, dogs, tmp_path, screenshots):
@@ -134,25 +140,6 @@ def test_a_bad_file_is_a_sentence_beside_good_ones(page, dogs, tmp_path, screens
     assert page.run("part('troubles').textContent") == ""
     assert [one for one in page.problems if "400" not in one] == []  # which the browser logs
     page.problems.clear()
-
-
-def test_work_is_cancelled_and_a_killed_worker_is_a_sentence(page, app, dogs):
-    page.choose_file("#choose", *dogs)
-    page.wait_for(GOOD.format(2))
-    press(page, "Match")
-    page.wait_for("state.jobs.length === 1 && state.jobs[0].running")
-    press(page, "Cancel")
-    page.wait_for("!state.jobs.length")
-    press(page, "Match")
-    page.wait_for("state.jobs.length && state.jobs[0].stage === 'search'")
-    os.kill(app.session._worker._process.pid, signal.SIGKILL)
-    page.wait_for("part('troubles').textContent.includes('ended unexpectedly')")
-    press(page, "Close")
-    page.wait_for("!state.troubles.length")
-    page.visit(page.run("location.href"))
-    assert page.run("part('troubles').textContent") == ""
-    press(page, "Find left and right")
-    page.wait_for("state.results.length === 1")
 
 
 def test_what_a_search_finds_is_opened(page, dogs):
@@ -194,38 +181,6 @@ def test_what_stands_in_for_a_removed_shape_is_another_one(page, dogs):
     page.wait_for(GOOD.format(2))
     chosen = "[...document.querySelectorAll('#first, #second')].map(e => e.selectedOptions[0].text)"
     assert page.run(chosen) == ["standing.ply", "walking.ply"]
-
-
-def test_a_result_offers_nothing_more_when_its_shape_is_removed(page, dogs):
-    page.choose_file("#choose", *dogs)
-    page.wait_for(GOOD.format(2))
-    press(page, "Match")
-    page.wait_for("state.results.length === 1")
-    assert "Use this map" in page.run("part('result').textContent")
-    page.run("document.querySelector('[aria-label=\"Remove standing.ply\"]').click()")
-    page.wait_for("part('result').textContent.includes('A shape of this result was removed')")
-    assert "Use this map" not in page.run("part('result').textContent")
-
-
-def test_landmarks_outlast_their_tab_and_are_its_own(page, app, dogs):
-    page.choose_file("#choose", *dogs)
-    page.wait_for(GOOD.format(2))
-    press(page, "Place landmarks")
-    page.wait_for("state.results.length === 1 && frame?.greeted")
-    ours, theirs = ([{"name": "1", "at": at}] for at in ([87, 139], [328, 294]))
-    page.run(f"frame.contentWindow.postMessage({{landmarks: {ours}}}, '*')")
-    page.wait_for("placed[shown]?.[0]?.at[0] === 87")
-    page.run("sessionStorage.clear()")  # as in a new tab
-    page.visit(page.run("location.href"))
-    page.wait_for("frame?.greeted && part('placed').textContent.startsWith('1 placed.')")
-    other = f"JSON.stringify({{run: location.pathname, placed: {{[shown]: {theirs}}}}})"
-    page.run(f"localStorage.setItem('unbend', {other})")  # as another tab does
-    press(page, "Match with these")
-    page.wait_for("state.jobs.length === 1")
-    (job,) = app.session._jobs.values()
-    assert job["job"]["landmarks"] == [[87, 139]]
-    press(page, "Cancel")
-    page.wait_for("!state.jobs.length")
 
 
 def test_it_fits_a_telephone_and_the_dark(page, dogs, screenshots):
@@ -276,3 +231,39 @@ def test_keyboard_alone_reaches_every_control_and_all_have_names(page, dogs):
     ]
     assert unnamed == []
     assert any(node.get("role", {}).get("value") == "status" for node in tree)
+
+
+def test_landmarks_outlast_their_tab_and_are_its_own_and_work_is_cancelled(page, app, dogs):
+    page.choose_file("#choose", *dogs)
+    page.wait_for(GOOD.format(2))
+    press(page, "Place landmarks")
+    page.wait_for("state.results.length === 1 && frame?.greeted")
+    ours, theirs = ([{"name": "1", "at": at}] for at in ([87, 139], [328, 294]))
+    page.run(f"frame.contentWindow.postMessage({{landmarks: {ours}}}, '*')")
+    page.wait_for("placed[shown]?.[0]?.at[0] === 87")
+    page.run("sessionStorage.clear()")  # as in a new tab
+    page.visit(page.run("location.href"))
+    page.wait_for("frame?.greeted && part('placed').textContent.startsWith('1 placed.')")
+    other = f"JSON.stringify({{run: location.pathname, placed: {{[shown]: {theirs}}}}})"
+    page.run(f"localStorage.setItem('unbend', {other})")  # as another tab does
+    press(page, "Match with these")
+    page.wait_for("state.jobs.length === 1 && state.jobs[0].running")
+    (job,) = app.session._jobs.values()
+    assert job["job"]["landmarks"] == [[87, 139]]
+    press(page, "Cancel")
+    page.wait_for("!state.jobs.length")
+
+
+def test_a_killed_worker_is_a_sentence(page, app, dogs):
+    page.choose_file("#choose", *dogs)
+    page.wait_for(GOOD.format(2))
+    press(page, "Match")
+    page.wait_for("state.jobs.length && state.jobs[0].stage === 'search'")
+    os.kill(app.session._worker._process.pid, signal.SIGKILL)
+    page.wait_for("part('troubles').textContent.includes('ended unexpectedly')")
+    press(page, "Close")
+    page.wait_for("!state.troubles.length")
+    page.visit(page.run("location.href"))
+    assert page.run("part('troubles').textContent") == ""
+    press(page, "Find left and right")
+    page.wait_for("state.results.length === 1")
