@@ -1,6 +1,8 @@
 """A collection that the tests share."""
 
+import multiprocessing
 import shutil
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -43,3 +45,17 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, object]:
 
     monkeypatch.setattr(_collection, "engine", engine)
     return asked
+
+
+@pytest.fixture
+def forked() -> Iterator[None]:
+    """Workers of Dask begin as copies of a process that has loaded what they need."""
+    import dask
+    from distributed.utils import get_mp_context
+
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        yield
+        return
+    with dask.config.set({"distributed.worker.multiprocessing-method": "forkserver"}):
+        get_mp_context().set_forkserver_preload(["distributed", "unbend.collection._engine"])
+        yield

@@ -388,7 +388,7 @@ def test_killed_and_resumed_it_is_as_if_undisturbed(
 
 
 def test_a_cluster_gives_the_same_table_and_may_lose_a_worker(
-    filled: Collection, stones: Path, tmp_path: Path
+    forked: None, filled: Collection, stones: Path, tmp_path: Path
 ) -> None:
     from distributed import LocalCluster
 

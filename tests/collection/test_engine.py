@@ -6,6 +6,7 @@ import itertools
 import logging
 import os
 import sys
+from collections.abc import Iterator
 from concurrent.futures import Future
 from pathlib import Path
 from types import SimpleNamespace
@@ -36,22 +37,34 @@ def test_this_process_will_do() -> None:
         assert results(run, ["1 + 1", None, "2 * 3"]) == {"1 + 1": (2, None), "2 * 3": (6, None)}
 
 
+def test_workers_have_their_share_and_this_process_stays_as_it_was(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", "6")
+    monkeypatch.setattr(_engine, "available_memory", lambda: 2**32)
+    before, main = dict(os.environ), dict(vars(sys.modules["__main__"]))
+    names = [f"{one}_NUM_THREADS" for one in ("OMP", "OPENBLAS", "MKL", "NUMBA")]
+    told = {f"__import__('os').environ['{name}']": (str(n_cores()), None) for name in names}
+    memory = "__import__('distributed').get_worker().memory_manager.memory_"
+    # What a mesh takes can neither be put aside nor waited for.
+    limits = {"limit": 2**32, "target_fraction": False, "spill_fraction": False}
+    limits["pause_fraction"] = False
+    told |= {memory + name: (value, None) for name, value in limits.items()}
+    with engine(workers=1) as run:
+        assert results(run, told) == told
+    assert dict(os.environ) == before
+    assert dict(vars(sys.modules["__main__"])) == main
+
+
 def test_what_kills_its_worker_is_named_and_all_else_goes_on(
-    monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+    forked: None, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:
     import dask
     from distributed import default_client
 
     monkeypatch.setattr(_engine, "_THREADS_PER_ITEM", 1)  # several in a task, as on a large cluster
-    monkeypatch.setenv("OMP_NUM_THREADS", "6")
-    monkeypatch.setattr(_engine, "available_memory", lambda: 2**33)
-    before, main = dict(os.environ), dict(vars(sys.modules["__main__"]))
     items = [f"{i} * {i}" for i in range(12)]
-    items[3:3], items[7:7] = [DEATH], [f"{DEATH} or 1", None]
-    names = [f"{one}_NUM_THREADS" for one in ("OMP", "OPENBLAS", "MKL", "NUMBA")]
-    memory = "__import__('distributed').get_worker().memory_manager.memory_"
-    limits = {"limit": 2**32, "target_fraction": False, "spill_fraction": False}
-    limits["pause_fraction"] = False  # what a mesh takes can neither be put aside nor waited for
+    items[3:3] = [DEATH, f"{DEATH} or 1", "1 / 0", None]
     shown = io.StringIO()
     logger, handler = logging.getLogger("distributed"), logging.StreamHandler(shown)
     logger.addHandler(handler)
@@ -63,18 +76,10 @@ def test_what_kills_its_worker_is_named_and_all_else_goes_on(
         with pytest.raises(ValueError, match="No client"):
             default_client()  # what else the user does with Dask is left alone
         found = results(run, items)
-        told = results(run, [memory + name for name in limits])
-        assert told == {memory + name: (value, None) for name, value in limits.items()}
-        broken = results(run, ["1 / 0"])
-        threads = results(run, [f"__import__('os').environ['{name}']" for name in names])
     reasons = {found.pop(item)[1] for item in (DEATH, f"{DEATH} or 1")}
     assert reasons == {_engine._DEADLY}
+    assert found.pop("1 / 0") == (None, "ZeroDivisionError: division by zero")
     assert found == {f"{i} * {i}": (i * i, None) for i in range(12)}
-    assert broken == {"1 / 0": (None, "ZeroDivisionError: division by zero")}
-    # Workers have their share of threads, and this process stays as it was.
-    assert [value for value, _ in threads.values()] == [str(max(n_cores() // 2, 1))] * 4
-    assert dict(os.environ) == before
-    assert dict(vars(sys.modules["__main__"])) == main
     assert shown.getvalue() == ""  # Dask would tell of every death
 
 
@@ -89,7 +94,7 @@ def test_a_session_without_a_script_stays_one(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_what_was_done_is_done_again_where_its_worker_dies_before_it_is_fetched(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    forked: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     made = f"open({str(tmp_path / 'made')!r}"
     only_once = f"{made}, 'a').tell() and {DEATH} or {made}, 'a').write('x')"
@@ -103,28 +108,24 @@ def test_what_was_done_is_done_again_where_its_worker_dies_before_it_is_fetched(
         return found
 
     monkeypatch.setattr(_engine, "_arrived", arrived)
-    with engine(workers=1) as run:
-        item = "1 + 1"
-        assert results(run, [item]) == {item: (2, None)}
-        item = only_once
-        assert results(run, [item]) == {item: (None, _engine._DEADLY)}
-    assert not alive
-
-
-def test_no_more_items_are_taken_than_are_worked_on() -> None:
     taken = []
 
-    def endless():
+    def endless() -> Iterator[str]:
         while True:
             taken.append(None)
             yield "1"
 
     with engine(workers=1) as run:
-        source = run(eval, endless())
+        source, item = run(eval, endless()), "1"
         while not next(source):
             pass
         source.close()
-    assert len(taken) <= 2 * _engine._TASKS_PER_THREAD
+        assert len(taken) <= 2 * _engine._TASKS_PER_THREAD  # no more than are worked on
+        item = "1 + 1"
+        assert results(run, [item]) == {item: (2, None)}
+        item = only_once
+        assert results(run, [item]) == {item: (None, _engine._DEADLY)}
+    assert not alive
 
 
 def test_mistakes() -> None:
@@ -152,7 +153,7 @@ def test_without_work_nobody_is_asked() -> None:
         assert results(run, [None]) == {}
 
 
-def test_a_scheduler_that_goes_away_is_told() -> None:
+def test_a_scheduler_that_goes_away_is_told(forked: None) -> None:
     from distributed import LocalCluster, default_client
 
     with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0") as own:
