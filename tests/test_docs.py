@@ -53,10 +53,14 @@ def folder(tmp_path, monkeypatch):
 WITH_CODE = [one for one in PAGES if blocks(one, "python") and one.stem != "first-steps"]
 
 
-@pytest.mark.parametrize("page", WITH_CODE, ids=lambda one: one.stem)
-def test_python_on_a_page_runs_from_top_to_bottom(page, folder, monkeypatch):
-    # In this process: what the README does is done by others.
+@pytest.fixture
+def here(monkeypatch):
+    """Collections are worked on in this process: what workers do is tested elsewhere."""
     monkeypatch.setattr(_collection, "engine", lambda **_: _engine.engine(workers=0))
+
+
+@pytest.mark.parametrize("page", WITH_CODE, ids=lambda one: one.stem)
+def test_python_on_a_page_runs_from_top_to_bottom(page, folder, here):
     known = {}
     for code in blocks(page, "python"):
         compiled = compile(code, page.name, "exec")
@@ -69,9 +73,8 @@ def test_python_on_a_page_runs_from_top_to_bottom(page, folder, monkeypatch):
 @pytest.mark.parametrize(
     "page", [ROOT / "README.md", DOCS / "first-steps.md"], ids=lambda one: one.stem
 )
-def test_code_and_commands_on_a_page_run_in_their_order(page, tmp_path, monkeypatch):
+def test_code_and_commands_on_a_page_run_in_their_order(page, here, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(_engine, "n_cores", lambda: 1)  # one worker proves what several would
     known = {}
     for kind, code in BLOCK.findall(page.read_text("utf-8")):
         if kind == "python":

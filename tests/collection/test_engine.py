@@ -15,7 +15,6 @@ from typing import Any
 import pytest
 
 from unbend._memory import LIMIT_VARIABLE
-from unbend._parallel import n_cores
 from unbend.collection import _engine
 from unbend.collection._engine import engine
 from unbend.errors import InputError, UnbendError
@@ -41,16 +40,17 @@ def test_workers_have_their_share_and_this_process_stays_as_it_was(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setenv("OMP_NUM_THREADS", "6")
+    monkeypatch.setattr(_engine, "n_cores", lambda: 1)
     monkeypatch.setattr(_engine, "available_memory", lambda: 2**32)
     before, main = dict(os.environ), dict(vars(sys.modules["__main__"]))
     names = [f"{one}_NUM_THREADS" for one in ("OMP", "OPENBLAS", "MKL", "NUMBA")]
-    told = {f"__import__('os').environ['{name}']": (str(n_cores()), None) for name in names}
+    told = {f"__import__('os').environ['{name}']": ("1", None) for name in names}
     memory = "__import__('distributed').get_worker().memory_manager.memory_"
     # What a mesh takes can neither be put aside nor waited for.
     limits = {"limit": 2**32, "target_fraction": False, "spill_fraction": False}
     limits["pause_fraction"] = False
     told |= {memory + name: (value, None) for name, value in limits.items()}
-    with engine(workers=1) as run:
+    with engine() as run:
         assert results(run, told) == told
     assert dict(os.environ) == before
     assert dict(vars(sys.modules["__main__"])) == main
