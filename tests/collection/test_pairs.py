@@ -121,9 +121,8 @@ def test_a_match_of_a_file_that_changed_is_not_passed_off_as_one_of_it(
 
 
 def test_workers_with_another_current_folder_write_into_the_same(
-    three: tuple[Collection, list[Path]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    filled: Collection, stones: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    collection, paths = three
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path)
 
@@ -136,17 +135,16 @@ def test_workers_with_another_current_folder_write_into_the_same(
         yield run
 
     monkeypatch.setattr(_collection, "engine", engine)
-    done = collection.match([(str(paths[0]), str(paths[1]))], "matches")
+    done = filled.match([(stones / "stone03.ply", stones / "stone04.ply")], "matches")
     assert (done.matched, done.failures) == (1, ())
     assert len(list((tmp_path / "matches").glob("*.npz"))) == 1
 
 
-def test_mistakes(three: tuple[Collection, list[Path]], tmp_path: Path) -> None:
-    collection, _ = three
+def test_mistakes(filled: Collection, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"nobody.ply is not in the collection"):
-        collection.match([("nobody.ply", "nobody.ply")], tmp_path / "matches", workers=0)
+        filled.match([("nobody.ply", "nobody.ply")], tmp_path / "matches", workers=0)
     (tmp_path / "file").write_text("")
     with pytest.raises(FileError, match="cannot make the folder"):
-        collection.match(None, tmp_path / "file" / "matches", workers=0)
+        filled.match(None, tmp_path / "file" / "matches", workers=0)
     with pytest.raises(FileError, match="has no name"):
-        collection.match(None, "", workers=0)
+        filled.match(None, "", workers=0)

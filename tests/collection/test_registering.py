@@ -20,7 +20,7 @@ from unbend.collection import (
     register_files,
 )
 from unbend.datasets import make_quadruped
-from unbend.errors import FileError, InputError, UnbendWarning
+from unbend.errors import FileError, InputError, MeshError, UnbendWarning
 
 TEMPLATE = make_quadruped("standing", n_vertices=500).mesh
 TURN = Rotation.from_rotvec([0.4, 1.0, -0.3]).as_matrix()
@@ -36,7 +36,12 @@ def matched_once() -> Iterator[None]:
         arrays = template.vertices, template.faces, scan.vertices, scan.faces
         key = *(one.tobytes() for one in arrays), repr(options)
         if key not in known:
-            known[key] = match(template, scan, **options)
+            try:
+                known[key] = match(template, scan, **options)
+            except MeshError as error:
+                known[key] = error
+        if isinstance(known[key], MeshError):
+            raise known[key]
         return known[key]
 
     with pytest.MonkeyPatch.context() as patch:
