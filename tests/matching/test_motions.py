@@ -1,7 +1,10 @@
 """Motions that lay a shape onto another: found whatever was cut off, and what starts from them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
 
 from testshapes.damage import Damaged, cut
@@ -10,7 +13,7 @@ from unbend.alignment import Motions, find_motions
 from unbend.datasets import make_quadruped
 from unbend.matching import _constants as constants
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._registration import laid_starts
+from unbend.matching._registration import laid_maps, laid_starts
 from unbend.matching._shape import Shape, make_proxy
 
 BODY = make_quadruped("standing", n_vertices=900).mesh
@@ -24,7 +27,7 @@ def _shape(mesh: Mesh, *, partial: bool = True) -> Shape:
 
 
 def _found(source: Shape, target: Shape, count: int) -> Motions:
-    ours, theirs = source.as_oriented(64), target.as_oriented(64)
+    ours, theirs = (one.as_oriented(one.vertices, 64) for one in (source, target))
     return find_motions(ours, theirs, SIZES, count, constants.LIMB)
 
 
@@ -69,6 +72,16 @@ def test_the_motion_of_a_part_is_found_with_its_size(sides: tuple[Shape, Shape])
     assert motions.sizes[0] == pytest.approx(SIZES[1])
 
 
+def test_the_form_is_of_the_distances_alone_with_its_outside_outside() -> None:
+    shape = _shape(BODY)
+    apart = cdist(shape.form, shape.form)
+    off = np.abs(apart - shape.distances).mean()
+    assert off < np.abs(cdist(shape.vertices, shape.vertices) - shape.distances).mean() / 3
+    for other in (replace(shape, vertices=shape.vertices @ TURN), shape.reflected()):
+        np.testing.assert_allclose(cdist(other.form, other.form), apart, atol=1e-6)
+        assert np.linalg.det(other.form[other.faces]).sum() > 0
+
+
 def test_two_parts_that_share_little_are_laid_where_they_are_the_same() -> None:
     middle = BODY.vertices @ [0.0, 0.1, 1.0]
     front, back = _front(0.3).mesh, cut(BODY, -middle, 0.3).mesh
@@ -88,7 +101,10 @@ def test_starts_are_the_shape_moved_and_pairs_of_nearest_points(
 ) -> None:
     source, target = sides
     motions = _found(source, target, 3)
-    start = laid_starts(source, target, motions)[1]
+    ours, theirs = (one.as_oriented(one.vertices, 64) for one in sides)
+    maps = laid_maps(ours, theirs, motions)
+    start = laid_starts(source, target, maps, motions)[1]
+    np.testing.assert_array_equal(start.forward, maps[1][0])
     rotation, shift, size = (one[1] for one in motions)
     np.testing.assert_allclose(start.source.places, size * source.vertices @ rotation.T + shift)
     np.testing.assert_allclose(start.source.rotations, np.tile(rotation, (len(source.areas), 1, 1)))

@@ -23,11 +23,14 @@ from unbend.matching._plan import (
     MEDIUM,
     PLAN,
     Sides,
+    Stage,
     Step,
     best,
     candidates,
     differences,
     from_extremities,
+    from_forms,
+    from_motions,
     lifted,
     make_sides,
 )
@@ -119,6 +122,16 @@ def parts() -> Sides:
 def of_parts(parts: Sides) -> Candidate:
     """The best candidate for them."""
     return candidates(parts)[0]
+
+
+@pytest.mark.parametrize("stage", [from_motions, from_forms])
+def test_what_lays_parts_proposes_the_right_map(stage: Stage, parts: Sides) -> None:
+    coarse, target = (side.proxies[COARSE] for side in (parts.source, parts.target))
+    truth = target.parents[TRUTH[WITHOUT_ARM.origin[coarse.kept]]]
+    first = stage(parts, [])[0]
+    off = target.shape.distances[first.registered.forward, truth]
+    assert first.registered.source.overlap.mean() > 0.9
+    assert off.mean() < 0.06
 
 
 @pytest.fixture(scope="module")

@@ -19,13 +19,14 @@ from typing import NamedTuple
 import numpy as np
 
 from unbend._parallel import run_all
-from unbend._types import FloatArray, Progress
-from unbend.alignment import find_motions
+from unbend._types import FloatArray, IntArray, Progress
+from unbend.alignment import Motions, find_motions
 from unbend.deformation import TURNING
 from unbend.matching import _constants as constants
 from unbend.matching._extremities import find_extremities, guess_limbs, limb_maps
 from unbend.matching._registration import (
     Registered,
+    laid_maps,
     laid_starts,
     lift,
     limited,
@@ -38,7 +39,7 @@ from unbend.matching._search import search
 from unbend.matching._shape import Proxy, Shape, make_proxy
 
 COARSE, MEDIUM = 0, 1  # levels of detail
-_LAID = 64  # points of a shape, by which motions are compared
+_SAMPLES = 64  # points of a shape, by which motions are compared
 BEAM = constants.BEAM
 COARSE_WEIGHTS, MEDIUM_WEIGHTS = constants.DATA_WEIGHTS[2:5], constants.DATA_WEIGHTS[5:]
 
@@ -233,20 +234,43 @@ def from_extremities(sides: Sides, found: list[Candidate]) -> list[Candidate]:
 
 
 def from_motions(sides: Sides, found: list[Candidate]) -> list[Candidate]:
-    """Register from motions that lay one shape onto the other as they stand.
-
-    At the least data weight shapes hardly bend, and most motions prove wrong.
-    """
+    """Register from motions that lay one shape onto the other as they stand."""
     coarse = sides.at(COARSE)
-    mine, other = (one.partial for one in coarse)
+    maps, motions = _laid(coarse, [one.vertices for one in coarse], 12 * BEAM)
+    return _narrowed(sides, laid_starts(*coarse, maps, motions), 4 * BEAM)
+
+
+def from_forms(sides: Sides, found: list[Candidate]) -> list[Candidate]:
+    """Register from motions that lay one geodesic canonical form onto the other."""
+    coarse = sides.at(COARSE)
+    maps, motions = _laid(coarse, [one.form for one in coarse], 6 * BEAM)
+    starts = run_all(
+        functools.partial(mapped_start, *coarse, *both, size, inside=True)
+        for both, size in zip(maps, motions.sizes, strict=True)
+    )
+    return _narrowed(sides, starts, 2 * BEAM)
+
+
+def _laid(
+    shapes: tuple[Shape, Shape], places: Sequence[FloatArray], count: int
+) -> tuple[list[tuple[IntArray, IntArray]], Motions]:
+    """Lay one surface onto the other, vertices at places: maps, and the motions that lead there."""
+    mine, other = (one.partial for one in shapes)
     # Of unit area both, a part is larger than the same on a whole; of two parts either may be.
     least = -1.5 * mine / (mine + other)
     sizes = [2 ** (least + step / 2) for step in range(4)]
-    ours, theirs = (one.as_oriented(_LAID) for one in coarse)
-    poses = laid_starts(*coarse, find_motions(ours, theirs, sizes, 12 * BEAM, constants.LIMB))
+    ours, theirs = (
+        one.as_oriented(where, _SAMPLES) for one, where in zip(shapes, places, strict=True)
+    )
+    motions = find_motions(ours, theirs, sizes, count, constants.LIMB)
+    return laid_maps(ours, theirs, motions), motions
+
+
+def _narrowed(sides: Sides, poses: Sequence[Registered], keep: int) -> list[Candidate]:
+    """Register from the least data weight on, at which shapes hardly bend; most prove wrong."""
     for i, data_weight in enumerate(constants.DATA_WEIGHTS[:5]):
         begun = registered(sides, COARSE, poses, (data_weight,), resize=False)
-        found = best(sides, COARSE, begun)[: 2 * BEAM if i else 4 * BEAM]
+        found = best(sides, COARSE, begun)[: 2 * BEAM if i else keep]
         poses = [one.registered for one in found]
     return found
 
@@ -274,5 +298,6 @@ PLAN = [
     Step(COARSE, from_spectra, BEAM),
     Step(COARSE, from_extremities, 2 * BEAM),
     Step(COARSE, from_motions, 2 * BEAM, for_parts=True),
+    Step(COARSE, from_forms, 2 * BEAM, for_parts=True),
     Step(MEDIUM, relaxed, BEAM, for_parts=True),
 ]

@@ -17,7 +17,7 @@ import numpy as np
 
 from unbend._parallel import run_all
 from unbend._types import BoolArray, FloatArray, IntArray
-from unbend.alignment import Motions, nearest_pairs
+from unbend.alignment import Motions, OrientedSurface, nearest_pairs
 from unbend.deformation import normals_into, scatter, walk
 from unbend.matching import _constants as constants
 from unbend.matching._partners import cycle_consistent, keep_matched
@@ -74,24 +74,47 @@ def rough_start(source: Shape, target: Shape, functional_map: FloatArray) -> Reg
 
 
 def mapped_start(
-    source: Shape, target: Shape, forward: IntArray, backward: IntArray, size: float
+    source: Shape,
+    target: Shape,
+    forward: IntArray,
+    backward: IntArray,
+    size: float,
+    *,
+    inside: bool = False,
 ) -> Registered:
-    """Poses that maps between vertices lead to; parts are taken to be so much longer on target."""
+    """Poses that maps between vertices lead to; parts are taken to be so much longer on target.
+
+    With ``inside``, what is led to a boundary has no partner.
+    """
     if not (source.partial or target.partial):
         size = 1.0
     ours = _placed(source, target, forward, size)
-    return Registered(forward, backward, ours, _placed(target, source, backward, 1 / size))
+    theirs = _placed(target, source, backward, 1 / size)
+    if inside:
+        ours = ours._replace(overlap=~target.on_boundary[forward])
+        theirs = theirs._replace(overlap=~source.on_boundary[backward])
+    return Registered(forward, backward, ours, theirs)
 
 
-def laid_starts(source: Shape, target: Shape, motions: Motions) -> list[Registered]:
-    """Poses that motions lead to, and maps to what is nearest there."""
-    back = motions.inverse()
-    there, here = motions.moved(source.vertices), back.moved(target.vertices)
+def laid_maps(
+    source: OrientedSurface, target: OrientedSurface, motions: Motions
+) -> list[tuple[IntArray, IntArray]]:
+    """Map to what is nearest after each motion and faces the same way, forward and backward."""
+    weight = constants.NORMAL_WEIGHTS[0]
     facing = np.einsum("hij,nj->hni", motions.rotations, source.normals)
     pairs = nearest_pairs(
-        np.concatenate([there, constants.NORMAL_WEIGHTS[0] * facing], axis=2),
-        np.hstack([target.vertices, constants.NORMAL_WEIGHTS[0] * target.normals]),
+        np.concatenate([motions.moved(source.points), weight * facing], axis=2),
+        np.hstack([target.points, weight * target.normals]),
     )
+    return list(zip(pairs.forward, pairs.backward, strict=True))
+
+
+def laid_starts(
+    source: Shape, target: Shape, maps: Sequence[tuple[IntArray, IntArray]], motions: Motions
+) -> list[Registered]:
+    """Poses that motions of the shapes as they stand lead to, with their maps."""
+    back = motions.inverse()
+    there, here = motions.moved(source.vertices), back.moved(target.vertices)
     return [
         Registered(
             forward,
@@ -99,7 +122,7 @@ def laid_starts(source: Shape, target: Shape, motions: Motions) -> list[Register
             _laid(there[i], motions, i, ~target.on_boundary[forward]),
             _laid(here[i], back, i, ~source.on_boundary[backward]),
         )
-        for i, (forward, backward) in enumerate(zip(pairs.forward, pairs.backward, strict=True))
+        for i, (forward, backward) in enumerate(maps)
     ]
 
 

@@ -7,14 +7,17 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
+import scipy.linalg
 import scipy.sparse as sp
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
 from unbend._arrays import first_largest, snap, unit_vectors
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.alignment import OrientedSurface, farthest_points
 from unbend.deformation import ElasticSurface, cached
+from unbend.linalg.signs import fix_signs
 from unbend.matching import _constants as constants
 from unbend.mesh import face_normals, find_edges, vertex_normals
 from unbend.mesh.decimation import decimate
@@ -23,7 +26,8 @@ from unbend.mesh.decimation import decimate
 # shape must not let one function outweigh all others.
 _SMALLEST_EIGENVALUE = 0.1
 # What is computed on demand and differs between a shape and its mirror image.
-_HANDED = ("normals", "boundary_edges", "conormals")
+_HANDED = ("normals", "boundary_edges", "conormals", "form")
+_SCALINGS = 30  # steps towards a form of least stress
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +116,28 @@ class Shape(ElasticSurface):
         return np.asarray(dijkstra(self.edge_lengths, directed=False))
 
     @cached
+    def form(self) -> FloatArray:
+        """Canonical form (n, 3) of the geodesic distances, its outside outside; for small meshes.
+
+        Classical scaling begins, and SMACOF lowers the stress (Elad & Kimmel 2003).
+        """
+        squares = self.distances**2
+        centred = squares.mean(axis=0) - squares
+        gram = (centred - centred.mean(axis=1, keepdims=True)) / 2
+        n = len(gram)
+        values, vectors = scipy.linalg.eigh(gram, subset_by_index=(n - 3, n - 1))
+        points = fix_signs(vectors, self.areas) * np.sqrt(np.maximum(values, 0.0))
+        for _ in range(_SCALINGS):
+            apart = cdist(points, points)
+            ratios = np.divide(self.distances, apart, out=np.zeros((n, n)), where=apart > 0)
+            points = (ratios.sum(axis=1)[:, None] * points - ratios @ points) / n
+        points -= self.areas @ points
+        corners = points[self.faces]
+        if np.linalg.det(corners).sum() < 0:
+            points[:, 0] *= -1
+        return np.asarray(points)
+
+    @cached
     def landmark_distances(self) -> FloatArray:
         """Geodesic distances (l, n) along edges from the landmarks to all vertices."""
         return np.asarray(dijkstra(self.edge_lengths, directed=False, indices=self.landmarks))
@@ -147,13 +173,14 @@ class Shape(ElasticSurface):
         """Radius of the patches that maps are scored by."""
         return max(constants.PATCH, constants.EDGES * self.edge)
 
-    def as_oriented(self, count: int) -> OrientedSurface:
-        """Vertices, smooth normals, and so many samples."""
-        total = self.averaged(self.areas[:, None] * self.normals, constants.PATCH)
+    def as_oriented(self, places: FloatArray, count: int) -> OrientedSurface:
+        """Smooth normals of the surface with its vertices at places (n, 3), and so many samples."""
+        normals = vertex_normals(places, self.faces)
+        total = self.averaged(self.areas[:, None] * normals, constants.PATCH)
         samples = self.samples[:count]
-        nearest = cKDTree(self.vertices[samples]).query(self.vertices)[1]
+        nearest = cKDTree(places[samples]).query(places)[1]
         areas = np.asarray(np.bincount(nearest, self.areas, len(samples)), dtype=np.float64)
-        return OrientedSurface(self.vertices, unit_vectors(total), samples, areas, self.on_boundary)
+        return OrientedSurface(places, unit_vectors(total), samples, areas, self.on_boundary)
 
     def reflected(self) -> Shape:
         """Return the mirror image, its faces turned so that the same side stays outside."""
