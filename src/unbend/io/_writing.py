@@ -35,7 +35,8 @@ WRITE_SUFFIXES = tuple(_WRITERS)
 # Formats whose writers take colours and texture coordinates, and those that take any values.
 COLOR_SUFFIXES = (".ply", ".obj", ".glb", ".vtp")
 SCALAR_SUFFIXES = (".ply", ".vtp")
-TAKEN = (*"xyz", "red", "green", "blue", "color", "colors")  # names that values cannot have there
+# Names that values cannot have there, the last two beside colours.
+TAKEN = (*"xyz", "red", "green", "blue", "color", "colors")
 _SINGLE_SUFFIXES = (".stl", ".glb")  # hold positions in single precision
 
 
@@ -104,7 +105,8 @@ def write_mesh(
         raise InputError(".stl files hold triangles only; write points as .ply or .xyz")
     extras: dict[str, Any] = {}
     if scalars:
-        taken = [*TAKEN, *(["s", "t", "uv"] if uvs is not None else [])]
+        taken = [*(TAKEN if colors is not None else TAKEN[:-2])]
+        taken += ["s", "t", "uv"] if uvs is not None else []
         extras["scalars"] = _scalars(scalars, mesh.n_vertices, taken)
     if colors is not None:
         extras["colors"] = _colors(colors, mesh.n_vertices)
