@@ -2,7 +2,7 @@
 
 import json
 import shlex
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -11,10 +11,10 @@ from typer.testing import CliRunner
 
 import unbend
 from every_command import every_command
+from once import once
 from stones import write_pair
 from unbend.cli import app
 from unbend.cli._options import written
-from unbend.matching import Match
 
 # Options that take text: what each writes, and those that are read or are no files.
 OUTPUTS = {
@@ -99,19 +99,6 @@ ALL_TOGETHER = [(line, [*must, *may]) for line, must, may in combinations() if m
 
 def words_of(given: str | list[str]) -> str:
     return given if isinstance(given, str) else " ".join(given)
-
-
-def once(function: Callable[..., Match]) -> Callable[..., Match]:
-    """Call a function of the same shapes once with the same options."""
-    found: dict[str, Match] = {}
-
-    def call(*shapes: Any, progress: Any, **options: Any) -> Match:
-        key = str(options)
-        if key not in found:
-            found[key] = function(*shapes, progress=progress, **options)
-        return found[key]
-
-    return call
 
 
 @pytest.fixture(scope="module")

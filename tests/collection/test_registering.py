@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from once import once
 from unbend import Mesh, match, read_mesh, write_mesh
 from unbend.collection import (
     Collection,
@@ -20,7 +21,7 @@ from unbend.collection import (
     register_files,
 )
 from unbend.datasets import make_quadruped
-from unbend.errors import FileError, InputError, MeshError, UnbendWarning
+from unbend.errors import FileError, InputError, UnbendWarning
 
 TEMPLATE = make_quadruped("standing", n_vertices=500).mesh
 TURN = Rotation.from_rotvec([0.4, 1.0, -0.3]).as_matrix()
@@ -30,22 +31,8 @@ ORDER = np.random.default_rng(0).permutation(TEMPLATE.n_vertices)
 @pytest.fixture(scope="module", autouse=True)
 def matched_once() -> Iterator[None]:
     """The same shapes are matched once: when they are registered is tested here, not how."""
-    known: dict[Any, Any] = {}
-
-    def once(template: Mesh, scan: Mesh, **options: Any) -> Any:
-        arrays = template.vertices, template.faces, scan.vertices, scan.faces
-        key = *(one.tobytes() for one in arrays), repr(options)
-        if key not in known:
-            try:
-                known[key] = match(template, scan, **options)
-            except MeshError as error:
-                known[key] = error
-        if isinstance(known[key], MeshError):
-            raise known[key]
-        return known[key]
-
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_registering, "match", once)
+        patch.setattr(_registering, "match", once(match))
         yield
 
 

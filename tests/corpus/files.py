@@ -1,4 +1,4 @@
-"""Mesh files that are damaged, by format; commands that read a mesh get them in turn."""
+"""Mesh files that are damaged, by format; every command that reads a mesh gets each of them."""
 
 import struct
 from collections.abc import Callable, Iterator
@@ -21,12 +21,12 @@ _SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.5]], dtype="<f4")
 
 def cases() -> Iterator[Case]:
     """Give a case for each damaged file."""
-    for i, row in enumerate((*_off(), *_obj(), *_ply(), *_stl(), *_points())):
-        yield _bad_file(i, *row)
+    for name, suffix, content, sentence in (*_off(), *_obj(), *_ply(), *_stl(), *_points()):
+        yield _bad_file(name, suffix, content, sentence)
     yield from _odd_but_whole()
 
 
-def _bad_file(i: int, name: str, suffix: str, content: str | bytes, sentence: str) -> Case:
+def _bad_file(name: str, suffix: str, content: str | bytes, sentence: str) -> Case:
     data = content.encode() if isinstance(content, str) else content
     bad = f"bad{suffix}"
 
@@ -34,8 +34,7 @@ def _bad_file(i: int, name: str, suffix: str, content: str | bytes, sentence: st
         beside(folder)
         (folder / bad).write_bytes(data)
 
-    # All of them read by one function: each three files in a row meet every command.
-    return Case(name, make, reading(bad)[i % 3 :: 3], Refused(sentence, names=bad))
+    return Case(name, make, reading(bad), Refused(sentence, names=bad))
 
 
 def _odd_but_whole() -> Iterator[Case]:

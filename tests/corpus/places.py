@@ -126,7 +126,7 @@ def _inputs() -> Iterator[Case]:
     yield Case(
         "input, not for us to read",
         _made("bad.off", make=_closed),
-        (_DISTANCE,),
+        (_DISTANCE, "check bad.off"),
         Refused("cannot read bad.off: Permission denied"),
         _as_nobody,
     )

@@ -37,7 +37,7 @@ def iterative(monkeypatch):
     monkeypatch.setattr(lanczos, "_dense_is_faster", lambda n, k: n <= k + 1)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(
     n=st.integers(12, 150),
     seed=st.integers(0, 10**6),
@@ -52,7 +52,7 @@ def test_open_surfaces_against_dense(n, seed, share, pieces):
         check(stiffness, areas, k)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(
     n=st.integers(5, 150),
     degree=st.integers(1, 4),
@@ -337,7 +337,7 @@ def test_rounding_is_no_residual_and_what_is_more_is_one(unit):
     assert 0.2e-3 < residual / 10**0.5 < 4e-3
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(
     n=st.integers(1, 200),
     k=st.integers(1, 8),

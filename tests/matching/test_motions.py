@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from testshapes.damage import Damaged, cut
 from unbend import Mesh
-from unbend.alignment import Motions, find_motions
+from unbend.alignment import Motions, OrientedSurface, find_motions
 from unbend.datasets import make_quadruped
 from unbend.matching import _constants as constants
 from unbend.matching._inputs import prepare_shape
@@ -26,9 +26,12 @@ def _shape(mesh: Mesh, *, partial: bool = True) -> Shape:
     return make_proxy(prepare_shape(mesh, 20, partial).shape, 400).shape
 
 
+def _oriented(shape: Shape) -> OrientedSurface:
+    return shape.as_oriented(shape.vertices, 64)
+
+
 def _found(source: Shape, target: Shape, count: int) -> Motions:
-    ours, theirs = (one.as_oriented(one.vertices, 64) for one in (source, target))
-    return find_motions(ours, theirs, SIZES, count, constants.LIMB)
+    return find_motions(_oriented(source), _oriented(target), SIZES, count, constants.LIMB)
 
 
 def _moved(mesh: Mesh) -> Mesh:
@@ -101,8 +104,7 @@ def test_starts_are_the_shape_moved_and_pairs_of_nearest_points(
 ) -> None:
     source, target = sides
     motions = _found(source, target, 3)
-    ours, theirs = (one.as_oriented(one.vertices, 64) for one in sides)
-    maps = laid_maps(ours, theirs, motions)
+    maps = laid_maps(_oriented(source), _oriented(target), motions)
     start = laid_starts(source, target, maps, motions)[1]
     np.testing.assert_array_equal(start.forward, maps[1][0])
     rotation, shift, size = (one[1] for one in motions)

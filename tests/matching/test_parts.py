@@ -137,10 +137,10 @@ def test_what_is_beyond_the_rim_in_the_end_has_no_partner(part_first: bool, both
     assert not large.overlap[np.abs(wide.vertices).max(axis=1) > wide.vertices.max() - 1e-9].any()
 
 
-def test_half_a_body_is_found_on_the_whole_one() -> None:
-    source = make_quadruped("standing", n_vertices=N)
-    target = make_quadruped("walking", n_vertices=N, meshing=1)
-    direction = np.random.default_rng(0).standard_normal(3)
+@pytest.mark.parametrize(("make", "seed"), [(make_biped, 1), (make_quadruped, 0)])
+def test_half_a_body_is_found_on_the_whole_one(make, seed: int) -> None:
+    source, target = make("standing", n_vertices=N), make("walking", n_vertices=N, meshing=1)
+    direction = np.random.default_rng(seed).standard_normal(3)
     half = cut(target.mesh, target.mesh.vertices @ direction, 0.5)
     found = match(source.mesh, half.mesh)
     truth = damaged_truth(rest_map(source, target), None, half)

@@ -127,8 +127,7 @@ def _of_mesh(
             opaque = np.iinfo(alpha.dtype).max if alpha.dtype.kind == "u" else 1
             if (alpha < opaque).any():
                 warn(_OPAQUE)
-        width = found[name].shape[1:]
-        return found[name], [f"{name}_{i}" for i in range(*width)] if width else [name]
+        return found[name], _numbered(name, found[name][:1].size)
     if not found:
         raise FileError("holds no values per vertex")
     raise FileError(f"holds {', '.join(found)}; name one of them with --property (name= in Python)")
@@ -253,8 +252,11 @@ def _names(given: Sequence[str], width: int, kind: str, suffix: str) -> list[str
     own = kind in ("color", "uv") or (kind == "label" and suffix != ".csv")
     if not own and len(set(filter(None, names))) == width:
         return names
-    word = kind if kind in ("label", "color", "uv") else "value"
-    return [f"{word}_{i}" for i in range(width)] if width > 1 else [word]
+    return _numbered(kind if kind in ("label", "color", "uv") else "value", width)
+
+
+def _numbered(name: str, width: int) -> list[str]:
+    return [f"{name}_{i}" for i in range(width)] if width > 1 else [name]
 
 
 def check_storable(path: StrPath, values: npt.NDArray[Any], kind: str) -> None:

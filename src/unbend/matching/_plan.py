@@ -236,14 +236,14 @@ def from_extremities(sides: Sides, found: list[Candidate]) -> list[Candidate]:
 def from_motions(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     """Register from motions that lay one shape onto the other as they stand."""
     coarse = sides.at(COARSE)
-    maps, motions = _laid(coarse, [one.vertices for one in coarse], 12 * BEAM)
+    maps, motions = _motions(coarse, [one.vertices for one in coarse], 12 * BEAM)
     return _narrowed(sides, laid_starts(*coarse, maps, motions), 4 * BEAM)
 
 
 def from_forms(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     """Register from motions that lay one geodesic canonical form onto the other."""
     coarse = sides.at(COARSE)
-    maps, motions = _laid(coarse, [one.form for one in coarse], 6 * BEAM)
+    maps, motions = _motions(coarse, [one.form for one in coarse], 6 * BEAM)
     starts = run_all(
         functools.partial(mapped_start, *coarse, *both, size, inside=True)
         for both, size in zip(maps, motions.sizes, strict=True)
@@ -251,10 +251,10 @@ def from_forms(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     return _narrowed(sides, starts, 2 * BEAM)
 
 
-def _laid(
+def _motions(
     shapes: tuple[Shape, Shape], places: Sequence[FloatArray], count: int
 ) -> tuple[list[tuple[IntArray, IntArray]], Motions]:
-    """Lay one surface onto the other, vertices at places: maps, and the motions that lead there."""
+    """Find motions that lay one surface, its vertices at places, onto the other, and their maps."""
     mine, other = (one.partial for one in shapes)
     # Of unit area both, a part is larger than the same on a whole; of two parts either may be.
     least = -1.5 * mine / (mine + other)

@@ -522,7 +522,7 @@ def good_files() -> dict[str, bytes]:
 GOOD_FILES = good_files()
 
 
-@settings(QUICK, max_examples=100)
+@settings(QUICK, max_examples=250)
 @given(data=st.data())
 def test_damaged_files_never_break_anything_but_the_file(
     tmp_path: Path, data: st.DataObject
