@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from stones import BALL, write_stones
-from unbend import Mesh, match, read_map, read_match, write_mesh
+from unbend import Mesh, match, read_map, read_match, read_mesh, write_mesh
 from unbend.collection import Collection, _collection, _pairs
 from unbend.collection._engine import Outcome
 from unbend.errors import FileError, InputError, UnbendWarning, warn
@@ -48,6 +48,10 @@ def test_all_pairs_are_matched_once(three: tuple[Collection, list[Path]], tmp_pa
         np.testing.assert_allclose(float(rows[2][name]), getattr(alone, name))
     plain = (out / rows[2]["file"]).with_suffix(".csv")
     np.testing.assert_array_equal(read_map(plain), alone.source_to_target)
+    read_match(out / rows[2]["file"], source=paths[1], target=paths[2])
+    other = read_mesh(paths[1])
+    with pytest.raises(FileError, match="belongs to another mesh"):
+        read_match(out / rows[2]["file"], source=(-other.vertices, other.faces[::-1]))
 
 
 def test_warnings_are_told_once_for_a_shape_or_a_pair_and_doubtful_pairs_are_counted(

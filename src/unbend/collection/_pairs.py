@@ -98,7 +98,8 @@ def match_pair(task: Task) -> list[str]:
         found = match(*shapes)
     path = task.out / file_name(*task.entries)
     write_map(path.with_suffix(".csv"), found.source_to_target)
-    write_match(path, found)  # last: it says that the pair is done
+    # Last: it says that the pair is done.
+    write_match(path, found, source=shapes[0], target=shapes[1])
     # The spectra told what is to be said of each shape.
     return [one for one in said if not one.startswith(tuple(f"{mesh.name}: " for mesh in shapes))]
 
