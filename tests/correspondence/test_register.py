@@ -205,6 +205,16 @@ def test_a_scan_wound_inside_out_is_the_same_surface(fitted) -> None:
     np.testing.assert_allclose(turned.mesh.vertices, fitted.mesh.vertices, atol=1e-6)
 
 
+def test_faces_on_both_sides_are_one_surface(fitted) -> None:
+    both = [
+        (one.mesh.vertices, np.vstack([one.mesh.faces, one.mesh.faces[:, ::-1]]))
+        for one in (TEMPLATE, SCAN)
+    ]
+    found = register(*both, TRUTH)
+    np.testing.assert_allclose(found.mesh.vertices, fitted.mesh.vertices, atol=1e-6)
+    assert found.coverage == pytest.approx(fitted.coverage)
+
+
 def test_an_open_template_is_itself() -> None:
     half = make_sphere(3)
     cap = Mesh(half.vertices, half.faces[(half.vertices[half.faces, 2] > 0).all(axis=1)])

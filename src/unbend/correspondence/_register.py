@@ -18,7 +18,13 @@ from unbend.errors import InputError, MeshError
 from unbend.io import COLOR_SUFFIXES, SCALAR_SUFFIXES, MeshLike, as_mesh, value_colors, write_mesh
 from unbend.matching import Match, warn_of_disorder
 from unbend.matching import match as find_match
-from unbend.mesh import Mesh, orient_consistently, used_vertices, vertex_areas
+from unbend.mesh import (
+    Mesh,
+    has_earlier_twin,
+    orient_consistently,
+    used_vertices,
+    vertex_areas,
+)
 from unbend.preparation import surface_of_points
 
 _COVERED = 0.1  # mean edges that a vertex on the scan may lie off it
@@ -196,7 +202,7 @@ def write_registration(
 
 
 def _oriented(mesh: Mesh) -> IntArray:
-    faces = orient_consistently(mesh.vertices, mesh.faces)
+    faces = orient_consistently(mesh.vertices, mesh.faces[~has_earlier_twin(mesh.faces)])
     if faces is None:
         raise MeshError(
             f"{mesh.name}: the surface has only one side, like a Möbius strip, so inside and "
