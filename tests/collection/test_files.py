@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from unbend._text import quoted
 from unbend.collection._files import find_file, find_files, hashed, is_gone, warn_of_others
 from unbend.collection._rows import Failure, Hit
 from unbend.errors import FileError, UnbendWarning
@@ -74,11 +75,12 @@ def test_a_folder_without_any_mesh_is_refused(folder: Path) -> None:
 def test_other_meshes_in_folders_are_counted(folder: Path) -> None:
     for name in ("deep/1.glb", "deep/er/2.GLB", "deep/3.vtu"):
         (folder / name).touch()
+    example = quoted(os.path.join("deep/er", "*.GLB"))
     with pytest.warns(UnbendWarning) as told:
         warn_of_others(["deep", "deep/er", "b.ply", "nothing"])
     assert [str(one.message) for one in told] == [
-        "deep: left out 2 .glb files, 1 .vtu file; name them to take them, as by deep/er/*.GLB",
-        "deep/er: left out 1 .glb file; name them to take them, as by deep/er/*.GLB",
+        f"deep: left out 2 .glb files, 1 .vtu file; name them to take them, as by {example}",
+        f"deep/er: left out 1 .glb file; name them to take them, as by {example}",
     ]
 
 
@@ -134,9 +136,10 @@ def test_a_shape_is_in_the_first_file_that_is_as_it_was(tmp_path: Path) -> None:
     assert find_file(shape, "store") == paths[2]
     Path(paths[2]).unlink()
     with pytest.raises(FileError) as told:
-        find_file(shape, "store")
+        find_file(shape, "my store")
     assert str(told.value) == (
         f"cannot read {paths[0]} (there is no such file), nor {paths[1]} (it has changed since it "
-        f"was added), nor {paths[2]} (there is no such file): run unbend collection add store "
-        "NEWFOLDER, with the folder that it is in now"
+        f"was added), nor {paths[2]} (there is no such file): run unbend collection add "
+        f"{quoted('my store')} NEWFOLDER, with the folder that it is in now, or "
+        "unbend collection remove if it is gone"
     )

@@ -104,7 +104,8 @@ def test_what_cannot_be_matched_is_named_once(
     reasons = {Path(one.path).name: one.reason for one in done.failures}
     assert reasons[paths[2].name] == (
         f"cannot read {paths[2]} (there is no such file): run unbend collection add "
-        f"{collection.path} NEWFOLDER, with the folder that it is in now"
+        f"{collection.path} NEWFOLDER, with the folder that it is in now, or "
+        "unbend collection remove if it is gone"
     )
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 import unbend
-from unbend._text import plural
+from unbend._text import plural, quoted
 from unbend.cli import _output as output
 from unbend.cli._options import MatchOptions
 from unbend.errors import FileError, InputError
@@ -194,7 +194,8 @@ def opened(store: str, *outputs: str | None) -> unbend.collection.Collection:
     found = unbend.collection.Collection(store)
     if not found.exists:
         raise FileError(
-            f"there is no collection at {store}: unbend collection add {store} MESHES makes one"
+            f"there is no collection at {store}: unbend collection add {quoted(store)} MESHES "
+            "makes one"
         )
     for out in filter(None, outputs):
         unbend.collection.check_outside(store, out)

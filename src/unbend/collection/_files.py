@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from unbend._parallel import run_all
-from unbend._text import plural
+from unbend._text import plural, quoted
 from unbend._types import StrPath
 from unbend.collection._rows import Entry, Failure, Hit
 from unbend.errors import FileError, UnbendError, warn
@@ -61,7 +61,7 @@ def warn_of_others(given: Iterable[str]) -> None:
             example = os.path.join(os.path.dirname(path), f"*{Path(path).suffix}")
         if counts:
             kinds = ", ".join(plural(number, f"{one} file") for one, number in counts.items())
-            warn(f"{folder}: left out {kinds}; name them to take them, as by {example}")
+            warn(f"{folder}: left out {kinds}; name them to take them, as by {quoted(example)}")
 
 
 def _walk(folder: str, suffixes: tuple[str, ...] = _SUFFIXES) -> Iterator[str]:
@@ -119,8 +119,8 @@ def find_file(shape: Entry | Hit, store: str) -> str:
         why = found.reason if isinstance(found, Failure) else "it has changed since it was added"
         reasons.append(f"{path} ({why})")
     raise FileError(
-        f"cannot read {', nor '.join(reasons)}: run unbend collection add {store} NEWFOLDER, with "
-        "the folder that it is in now"
+        f"cannot read {', nor '.join(reasons)}: run unbend collection add {quoted(store)} "
+        "NEWFOLDER, with the folder that it is in now, or unbend collection remove if it is gone"
     )
 
 

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._arrays import array_of
+from unbend._text import quoted
 from unbend._types import IntArray, Progress, StrPath
 from unbend.collection._engine import Engine, attempt_all, engine
 from unbend.collection._files import (
@@ -310,7 +311,7 @@ def read_registrations(folder: StrPath) -> tuple[Mesh, list[Registration], list[
     if len(templates) != 1 or not (folder / _TABLE).exists():
         raise FileError(
             f"{folder} holds no registered shapes, or not all yet: unbend collection register "
-            f"STORE --template MESH -o {folder} writes them"
+            f"STORE --template MESH -o {quoted(str(folder))} writes them"
         )
     template = read_mesh(templates[0])
     shapes, failures = [], []

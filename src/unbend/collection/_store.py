@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._parallel import n_cores
+from unbend._text import quoted
 from unbend._types import StrPath
 from unbend.collection._descriptor import DESCRIPTOR_VERSION, FORM_COMPONENTS, FORM_POINTS
 from unbend.collection._rows import Entry, Hit, Info
@@ -199,8 +200,8 @@ class Store:
         self.check_version()
         if not len(self):
             raise FileError(
-                f"there are no shapes in {self.path}: unbend collection add {self.path} MESHES "
-                "adds some"
+                f"there are no shapes in {self.path}: unbend collection add {quoted(self.path)} "
+                "MESHES adds some"
             )
 
     def paths_of(self, ids: Iterable[str]) -> dict[str, list[str]]:
