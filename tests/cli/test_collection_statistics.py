@@ -170,6 +170,15 @@ def test_mean_reads_what_is_registered(registered, tmp_path):
     assert not (tmp_path / "none").exists()
 
 
+def test_mean_of_too_few_shapes_says_which_failed(registered, tmp_path, monkeypatch):
+    shapes, _, _ = registered
+    template, _, failures = read_registrations(shapes / "registered")
+    monkeypatch.setattr("unbend.collection.read_registrations", lambda _: (template, [], failures))
+    done = run("mean", "here", "-o", tmp_path / "out")
+    assert done.exit_code == 2
+    assert f"stone01.ply: {failures[0].reason}\nerror: statistics need at least 2" in done.stderr
+
+
 def test_mean_of_identical_shapes_says_that_they_do_not_differ(registered, tmp_path, monkeypatch):
     shapes, _, _ = registered
     template, (one, *_), _ = read_registrations(shapes / "registered")

@@ -127,6 +127,7 @@ def mean(
     """
     progress("reading", 0)
     template, shapes, failures = unbend.collection.read_registrations(registered)
+    list_failures(failures)
     found = unbend.collection.mean_shape(
         shapes,
         template,
@@ -135,10 +136,10 @@ def mean(
         min_confidence=min_confidence,
         min_coverage=min_coverage,
     )
+    list_failures(found.left_out)
     found = replace(found, left_out=(*failures, *found.left_out))
     progress("writing", 0)
     written = unbend.collection.write_mean(out, found)
-    list_failures(found.left_out)
     statistics, n, others = found.statistics, len(found.names), len(found.left_out)
     of_all = f"{n:,} of {n + others:,}; the others are listed in left_out.csv"
     shares = ", ".join(f"{one / statistics.total_variance:.1%}" for one in statistics.variances)
