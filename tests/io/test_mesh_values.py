@@ -127,8 +127,8 @@ def test_a_mesh_without_values_says_so(tmp_path: Path) -> None:
     write_mesh(tmp_path / "a.ply", SQUARE)
     with pytest.raises(FileError, match="holds no values per vertex"):
         read_values(tmp_path / "a.ply")
-    (tmp_path / "a.csv").write_text("1\n")
-    with pytest.raises(InputError, match="no mesh file"):
+    (tmp_path / "a.csv").write_text("part,side\n1,2\n")
+    with pytest.raises(InputError, match=r"all its columns are taken: .* keep the column part"):
         read_values(tmp_path / "a.csv", name="part")
 
 

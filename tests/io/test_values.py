@@ -50,7 +50,7 @@ def test_a_word_before_numbers_is_no_label(tmp_path: Path) -> None:
         ("", "a.csv is empty"),
         ("part\n", "holds no rows"),
         ("1,2\n3\n", "row 1 has 1 entries, but row 0 has 2"),
-        ("x,y\n1,2\n3,no\n", "row 1 holds '3 no', not numbers"),
+        ("x,y\n1,2\n3,no\n", "row 1 holds '3 no', not numbers; keep labels in one column"),
         ("1\n2\n3\n", "holds 3 rows, but there are 2 vertices"),
     ],
 )

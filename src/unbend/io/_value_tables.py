@@ -67,8 +67,8 @@ def read_table_of_values(
             problem = ", more than 64 bits can hold"
             raise misfit(f"row {large}", " ".join(rows[large]), problem) from None
     elif table.shape[1] > 1:
-        bad = numeric.index(False)
-        raise misfit(f"row {bad}", " ".join(rows[bad]), ", not numbers")
+        bad, problem = numeric.index(False), ", not numbers; keep labels in one column alone"
+        raise misfit(f"row {bad}", " ".join(rows[bad]), problem)
     else:
         _refuse_numbers_as_labels([row[0] for row in rows])
     return table[:, 0] if table.shape[1] == 1 else table, header

@@ -95,7 +95,10 @@ def read_named_values(
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix in VALUE_SUFFIXES and name is not None:
-        raise InputError(f"{path.name} is no mesh file: it has no values of the name {name}")
+        raise InputError(
+            f"{path.name} is no mesh file, so all its columns are taken: leave out --property "
+            f"(name= in Python), or keep the column {name} alone"
+        )
     of_mesh = suffix in READ_SUFFIXES and suffix not in VALUE_SUFFIXES
     known = (*VALUE_SUFFIXES, *READ_SUFFIXES)
     given: Any = read_contents(path) if of_mesh else read_bytes(path, known)
