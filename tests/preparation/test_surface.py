@@ -118,7 +118,7 @@ def test_parts_that_nearly_touch_are_not_joined(spacings: float) -> None:
     assert health.area == pytest.approx(4 * np.pi, rel=0.04)
 
 
-def test_a_ring_whose_ends_touch_is_open() -> None:
+def test_a_ring_whose_ends_touch_is_cut() -> None:
     """A torus that was cut through, and whose ends are 0.3 distances between points apart."""
     points = torus(6000)
     spacing = np.sqrt(4 * np.pi**2 * 0.4 / len(points))

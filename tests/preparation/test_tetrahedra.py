@@ -49,7 +49,7 @@ def test_the_cut_of_a_ball_with_points_around_it() -> None:
     normals = np.vstack([sphere[:500], -sphere[500:]])
     found = make_tetrahedra(points, np.full(1500, 0.16))
     nothing = np.zeros(len(found.corners))
-    faces, _ = boundary(found, find_inside(found, normals, nothing))
+    faces = boundary(found, find_inside(found, normals, nothing))[0]
     assert (faces < 500).all()
     volume = np.linalg.det(points[faces]).sum() / 6
     assert volume == pytest.approx(4 / 3 * np.pi, rel=0.05)
@@ -58,7 +58,7 @@ def test_the_cut_of_a_ball_with_points_around_it() -> None:
 def test_no_edge_has_more_than_two_faces() -> None:
     """Two tetrahedra that share an edge only."""
     found = made([[0, 1, 2, 3], [0, 1, 4, 5]], [[-1] * 4] * 2)
-    faces, _ = boundary(found, np.array([True, False]))
+    faces = boundary(found, np.array([True, False]))[0]
     assert find_edges(faces, 8).n_faces.max() == 2
     assert len(boundary(found, np.array([True, True]))[0]) == 0
 
@@ -66,15 +66,16 @@ def test_no_edge_has_more_than_two_faces() -> None:
 def test_a_vertex_of_two_fans_becomes_two() -> None:
     """Two tetrahedra that share a vertex only."""
     found = made([[0, 1, 2, 3], [0, 4, 5, 6]], [[-1] * 4] * 2)
-    faces, edges = boundary(found, np.array([True, True]))
+    faces, edges, cut = boundary(found, np.array([True, True]))
+    assert not cut.any()
     point, new = split(faces, edges)
     assert sorted(point) == [0, 0, 1, 2, 3, 4, 5, 6]
     np.testing.assert_array_equal(point[new], faces)
 
 
-@pytest.mark.parametrize(("spacing", "ends"), [(0.1, 0), (0.3, 2)])
-def test_a_ring_is_cut_unless_it_is_thick(spacing: float, ends: int) -> None:
-    """A ring that is 0.6 thick: six and two spacings."""
+@pytest.mark.parametrize(("spacing", "genus"), [(0.1, 1), (0.3, 0)])
+def test_a_ring_is_cut_unless_it_is_thick(spacing: float, genus: int) -> None:
+    """A ring that is 0.6 thick: six and two spacings. Both ends of a cut are closed."""
     around, across = 2 * np.pi * np.random.default_rng(3).random((2, 3000))
     radius = 1 + 0.3 * np.cos(across)
     points = np.stack(
@@ -83,10 +84,14 @@ def test_a_ring_is_cut_unless_it_is_thick(spacing: float, ends: int) -> None:
     found = make_tetrahedra(points, np.full(3000, spacing))
     middle = points[found.corners].mean(axis=1)
     inside = np.hypot(np.hypot(middle[:, 0], middle[:, 1]) - 1, middle[:, 2]) < 0.3
-    faces, edges = boundary(found, inside)
+    faces, edges, cut = boundary(found, inside)
     point, new = split(faces, edges)
     np.testing.assert_array_equal(point[new], faces)
     health = diagnose(Mesh(points[point], new))
     assert health.n_components == 1
-    assert health.genus == (0 if ends else 1)
-    assert health.boundary_loops == ends
+    assert health.genus == genus
+    assert health.closed
+    # Each face of a cut is there twice, once for either end.
+    sides = np.sort(faces[cut], axis=1)
+    assert (np.unique(sides, axis=0, return_counts=True)[1] == 2).all()
+    assert len(sides) == 0 if genus else len(sides) > 0

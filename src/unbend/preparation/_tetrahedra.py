@@ -5,7 +5,7 @@ as the normals of the points do and the surface is smooth (Lempitsky & Boykov, "
 for shape fitting", CVPR 2007; Labatut, Pons & Keriven, "Robust and efficient surface
 reconstruction from range data", CGF 2009). Parts that nearly touch stay apart, because
 tetrahedra in the gap between them are as thin as the gap. Where parts touch and tetrahedra join
-them to rings, the rings are cut where they are narrowest.
+them to rings, the rings are cut where they are narrowest, and their ends are closed.
 """
 
 from __future__ import annotations
@@ -100,22 +100,23 @@ def find_inside(tetrahedra: Tetrahedra, normals: FloatArray, winding: FloatArray
     return minimum_cut(gains, np.stack([first, second]), costs, area.mean() / _LEVELS)
 
 
-def boundary(tetrahedra: Tetrahedra, inside: BoolArray) -> tuple[IntArray, IntArray]:
+def boundary(
+    tetrahedra: Tetrahedra, inside: BoolArray
+) -> tuple[IntArray, IntArray, BoolArray]:
     """Find the faces between inside and outside, and where they meet.
 
     Where more than two meet at an edge, the tetrahedra around it are taken from the inside. Rings
-    of tetrahedra are cut (:func:`_joined`) and stay open there.
+    of tetrahedra are cut (:func:`_joined`), and both ends are closed with the faces of the cut.
 
-    Returns the points of the faces (m, 3), wound outward, and the edge (m, 3) from each corner to
-    the next. Two faces meet there, or one at a cut.
+    Returns the points of the faces (m, 3), wound outward, the edge (m, 3) from each corner to the
+    next, where two faces meet, and whether a face (m,) is of a cut.
     """
     corners, beyond, n = tetrahedra.corners, tetrahedra.beyond, len(tetrahedra.points)
     ends = np.sort(corners[:, _EDGES], axis=2)
     keys = ends[..., 0] * n + ends[..., 1]
     while True:
         of, face = np.nonzero(inside[:, None] & ~np.append(inside, False)[beyond])
-        faces = corners[of[:, None], _FACES[face]]
-        found = find_edges(faces, n)
+        found = find_edges(corners[of[:, None], _FACES[face]], n)
         several = found.ends[found.n_faces > 2]
         if not len(several):
             break
@@ -128,7 +129,9 @@ def boundary(tetrahedra: Tetrahedra, inside: BoolArray) -> tuple[IntArray, IntAr
     place = (number[second][:, None] == number[first[:, None], sides][..., None]).argmax(axis=2)
     links = (6 * first[:, None] + sides).ravel(), (6 * second[:, None] + place).ravel()
     edge = label_linked(links, number.size)
-    return faces, edge[6 * of[:, None] + _SIDES[face]]
+    of, face = np.nonzero(inside[:, None] & ~joined)
+    faces = corners[of[:, None], _FACES[face]]
+    return faces, edge[6 * of[:, None] + _SIDES[face]], np.append(inside, False)[beyond[of, face]]
 
 
 def _joined(tetrahedra: Tetrahedra, inside: BoolArray, number: IntArray) -> BoolArray:
