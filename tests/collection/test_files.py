@@ -54,6 +54,9 @@ def test_what_registration_wrote_is_left_out_below_a_folder(folder: Path) -> Non
     (folder / "deep" / "fitted" / "d-1.off").touch()
     assert found("deep") == ["deep/d.off", "deep/er/c.stl"]
     assert found("deep/fitted") == ["deep/fitted/d-1.off", "deep/fitted/template.off"]
+    (folder / "deep" / "fitted" / "d.off").touch()  # scans in the folder that is written to
+    assert found("deep/fitted") == ["deep/fitted/d.off"]
+    assert found("deep") == ["deep/d.off", "deep/er/c.stl", "deep/fitted/d.off"]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="links need a privilege")

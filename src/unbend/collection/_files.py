@@ -33,8 +33,9 @@ File = tuple[str, str]  # path and hash
 def find_files(given: Sequence[str]) -> Iterator[str]:
     """Absolute paths of files, of the meshes in and below folders, and of files matching patterns.
 
-    Hidden files are left out of folders, and so are folders in them that registration wrote. A name
-    that is none of these comes back, too. Raises FileError if a folder holds no mesh.
+    Hidden files are left out of folders, and so is what registration wrote, unless a given folder
+    has nothing else. A name that is none of these comes back, too. Raises FileError if a folder
+    holds no mesh.
     """
     for one in given:
         found = iter([one] if os.path.exists(one) else glob.iglob(one, recursive=True))
@@ -67,21 +68,23 @@ def warn_of_others(given: Iterable[str]) -> None:
 def _walk(folder: str, suffixes: tuple[str, ...] = _SUFFIXES) -> Iterator[str]:
     seen: set[str] = set()
     for here, folders, files in os.walk(folder, followlinks=True):
-        # Links may lead round in circles.
-        if (place := os.path.realpath(here)) in seen or (here != folder and _is_registered(here)):
+        if (place := os.path.realpath(here)) in seen:  # links may lead round in circles
             folders.clear()
             continue
         seen.add(place)
         folders[:] = sorted(name for name in folders if not name.startswith("."))
-        for name in sorted(files):
-            if not name.startswith(".") and name.lower().endswith(suffixes):
-                yield os.path.join(here, name)
+        names = [name for name in sorted(files) if name.lower().endswith(suffixes)]
+        names = [name for name in names if not name.startswith(".")]
+        written = registered_stems(here)
+        others = [name for name in names if Path(name).stem not in written]
+        for name in others if others or here != folder else names:
+            yield os.path.join(here, name)
 
 
-def _is_registered(folder: str) -> bool:
-    """Whether registration writes here; this is there before any shape is."""
-    here = Path(folder)
-    return (here / REGISTRATIONS).is_dir() and any(here.glob("template.*"))
+def registered_stems(folder: StrPath) -> set[str]:
+    """Names, without suffix, of the meshes in a folder that registration wrote."""
+    results = Path(folder) / REGISTRATIONS
+    return {"template", *(one.stem for one in results.glob("*.npz"))} if results.is_dir() else set()
 
 
 def hashed(paths: Iterator[str]) -> Iterator[tuple[list[File], list[Failure]]]:

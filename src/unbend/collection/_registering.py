@@ -25,6 +25,7 @@ from unbend.collection._files import (
     find_files,
     hashed,
     make_folder,
+    registered_stems,
     stem,
     without_file,
 )
@@ -96,9 +97,7 @@ def register_files(
     Those that were written to `out` before are left out.
     """
     folder = Path(os.path.abspath(out))
-    written = {one.stem for one in (folder / REGISTRATIONS).glob("*.npz")}
-    if written:
-        written.add("template")
+    written = registered_stems(folder)
     scans = (
         path
         for path in find_files(paths)
