@@ -40,7 +40,10 @@ def test_labels_without_a_header_keep_their_first(tmp_path: Path) -> None:
 def test_a_word_before_numbers_is_no_label(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("label\n7\n8\n")
     assert read_values(tmp_path / "a.csv", n_vertices=2).tolist() == [7, 8]
-    with pytest.raises(FileError, match="holds 2 rows, but there are 3 vertices"):
+    with pytest.raises(FileError, match=r"holds 2 rows, but there are 3 vertices$"):
+        read_values(tmp_path / "a.csv", n_vertices=3)
+    (tmp_path / "a.csv").write_text("label\n7\n\n8\n\n")  # of a spreadsheet
+    with pytest.raises(FileError, match=r"3 vertices; empty lines are no rows: write NA there$"):
         read_values(tmp_path / "a.csv", n_vertices=3)
 
 

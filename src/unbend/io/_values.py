@@ -26,6 +26,7 @@ from unbend.io.formats.npy import read_array
 
 VALUE_SUFFIXES = (".npy", ".csv", ".txt")
 _OPAQUE = "the transparency of colours is not kept"
+_EMPTY_LINE = re.compile(rb"\n\s*\n\s*\S")
 _NORMAL = ("nx", "ny", "nz")
 # Columns of mesh files that are one value: colours, and texture coordinates by three programs.
 _TOGETHER = (
@@ -113,7 +114,9 @@ def read_named_values(
             raise FileError("holds no rows")
         n = len(values)
         if n_vertices not in (None, n):
-            raise FileError(f"holds {plural(n, 'row')}, but there are {n_vertices} vertices")
+            text = b"" if of_mesh or suffix == ".npy" else given
+            hint = "; empty lines are no rows: write NA there" if _EMPTY_LINE.search(text) else ""
+            raise FileError(f"holds {plural(n, 'row')}, but there are {n_vertices} vertices{hint}")
     return values, names
 
 
