@@ -1,5 +1,6 @@
 """The table: what is committed is there for all, small files are merged, searches are exact."""
 
+import os
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -102,6 +103,13 @@ def test_merging_gives_way_to_another_but_hides_no_other_trouble(
     else:
         with pytest.raises(FileError, match=r"cannot be read or written \(no space is left\)"):
             store.tidy()
+
+
+@pytest.mark.parametrize("code", [2, 28])
+def test_only_what_may_be_damaged_is_to_be_removed(tmp_path: Path, code: int) -> None:
+    with pytest.raises(FileError) as told, Store(tmp_path / "store")._explained():
+        raise RuntimeError(f"lance error: LanceError(IO): {os.strerror(code)} (os error {code})")
+    assert ("remove its folder" in str(told.value)) == (code == 2)
 
 
 def test_an_index_has_all_rows(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import os
+import re
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -96,9 +97,12 @@ class Store:
             raise
         except (RuntimeError, ValueError, OSError) as error:
             reason = str(error).removeprefix("lance error: ").split(", /")[0]
+            # The system says what else is wrong, such as a full disk; damaged ones lack files too.
+            by_system = re.search(r"(os error|Errno) (?!2\b)\d", reason)
+            advice = "; if it is damaged, remove its folder and add the shapes again"
             raise FileError(
-                f"the collection {self.path} cannot be read or written ({reason}); if it is "
-                "damaged, remove its folder and add the shapes again"
+                f"the collection {self.path} cannot be read or written ({reason})"
+                f"{'' if by_system else advice}"
             ) from error
 
     @property
