@@ -211,6 +211,7 @@ def test_a_map_that_leaves_vertices_of_the_target_out_is_told(folder: Path) -> N
         "morph a-1.ply b.ply --map map.npy --steps 2 -o a.ply",
         "match a.ply b.ply --colored out.ply a.ply",
         "match a.ply b.ply --landmarks hints.csv -o hints.csv",
+        "match a.ply b.ply --landmarks hints-2.csv --n-matches 2 -o hints.csv",
     ],
 )
 def test_no_command_writes_over_what_it_reads(folder: Path, line: str) -> None:
@@ -218,7 +219,8 @@ def test_no_command_writes_over_what_it_reads(folder: Path, line: str) -> None:
     write_mesh("one/a.ply", SOURCE)
     write_mesh("a-1.ply", SOURCE)
     Path("link.ply").symlink_to("b.ply")
-    Path("hints.csv").write_text("1,1\n")
+    for name in ("hints.csv", "hints-2.csv"):
+        Path(name).write_text("1,1\n")
     before = {path: path.read_bytes() for path in folder.rglob("*.*")}
     done = CliRunner().invoke(app, line.split())
     assert done.exit_code == 2

@@ -72,6 +72,11 @@ def match(
         raise InputError("ground truth is shown by --report; add it, or leave out --truth")
     if mirrored_truth is not None and truth is None:
         raise InputError("--mirrored-truth needs --truth")
+    maps: list[str] = []
+    if map_out is not None:
+        maps = [map_out, *(output.numbered(map_out, i) for i in range(2, n_matches + 1))]
+        read = (source, target, *(landmarks or ()), *(truth or ()), mirrored_truth)
+        options.check_files({"map_out": maps, "read": read})
     shapes = inputs.read_shapes((source, target), component)
     known = None
     if truth is not None:
@@ -92,11 +97,10 @@ def match(
     seconds = output.elapsed()
     if unsure := inputs.is_unsure(found, min_confidence):
         map_out = figure = report = colored = None
+    maps = maps[: 1 + len(found.alternatives)] if map_out else []
     output.progress("writing", 0)
-    maps: list[str] = []
     next_step = "add -o MAP.npz to keep the match, --report HTML to look at it"
     if map_out is not None:
-        maps = [map_out, *(output.numbered(map_out, i + 2) for i in range(len(found.alternatives)))]
         for path, one in zip(maps, (found, *found.alternatives), strict=True):
             inputs.write_result(path, one, shapes)
         paths = f"{quoted(source, target)} --map {quoted(map_out)}"
