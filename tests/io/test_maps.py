@@ -36,6 +36,9 @@ def test_numbers_of_other_programs(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_map(tmp_path / "a.txt"), [3, 1])
     (tmp_path / "a.csv").write_text('"vertex"\n3\n0\n')
     np.testing.assert_array_equal(read_map(tmp_path / "a.csv"), [3, 0])
+    for names, first in (('"","x"', 1), (",x", 0), ("vertex,x", 0)):  # of rows: R, pandas
+        (tmp_path / "a.csv").write_text(f'{names}\n"{first}",3\n"{first + 1}",-1\n')
+        np.testing.assert_array_equal(read_map(tmp_path / "a.csv"), [3, -1])
     np.save(tmp_path / "a.npy", np.array([2.0, -1.0], np.float32))
     np.testing.assert_array_equal(read_map(tmp_path / "a.npy"), [2, -1])
 
@@ -48,6 +51,8 @@ def test_numbers_of_other_programs(tmp_path: Path) -> None:
         ("a.csv", "target\n", "holds no rows"),
         ("a.txt", "1\ntwo\n", "row 1 holds 'two'"),
         ("a.txt", "1 2\n", "row 0 holds '1 2'; a map has one vertex number to a line"),
+        ("a.csv", "12,5\n1\n", "row 1 has 1 entries, but row 0 has 2"),
+        ("a.csv", "1\ntwo\n", "row 1 holds 'two'; a map has one vertex number to a line"),
         ("a.txt", "1\n1.5\n", "row 1 is 1.5, which is not a vertex number"),
         ("a.txt", "nan\n", "row 0 is nan"),
         ("a.txt", "0\n-2\n", "row 1 is -2, but counted from 0 vertices are 0 or more"),
@@ -161,6 +166,9 @@ def test_vertices_that_are_nobodys_image_ask_their_neighbours(blob: Mesh) -> Non
         "3;4\r\n\n5 6\n",
         "source,target\n3,4\n5,6\n",
         "Target vertex,source vertex\n4,3\n6,5\n",
+        '"","source","target"\n"1",3,4\n"2",5,6\n',  # with names of rows, by R
+        '"";"target";"source"\n"one";4;3\n"2";6;5\n',
+        ",source,target\n0,3,4\n1,5,6\n",  # by pandas
     ],
 )
 def test_landmarks_of_other_programs(tmp_path: Path, text: str) -> None:

@@ -185,8 +185,12 @@ def test_a_column_that_may_number_vertices_must_say_so(tmp_path: Path) -> None:
         path.write_text(f"{header}1,7\n0,9\n")
         with pytest.raises(FileError, match="first column holds each number from 0 to 1 once"):
             read_values(path, n_vertices=2)
-    path.write_text('"","height"\n"1",7\n"2",9\n')  # as R numbers rows
-    with pytest.raises(FileError, match="column '' numbers vertices from 1"):
-        read_values(path, n_vertices=2)
+    for name, message in (
+        ("", "column '' numbers vertices from 1"),
+        ("id", "column 'id' numbers vertices from 1"),
+    ):
+        path.write_text(f'"{name}","height"\n"2",7\n"1",9\n')
+        with pytest.raises(FileError, match=message):
+            read_values(path, n_vertices=2)
     write_values(path, [[1, 0], [0, 1]], np.zeros((2, 3)))  # weights
     assert read_values(path, n_vertices=2).tolist() == [[1, 0], [0, 1]]

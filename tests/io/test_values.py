@@ -53,6 +53,9 @@ def test_a_word_before_numbers_is_no_label(tmp_path: Path) -> None:
         ("", "a.csv is empty"),
         ("part\n", "holds no rows"),
         ("1,2\n3\n", "row 1 has 1 entries, but row 0 has 2"),
+        ('"","x"\n"2",4\n"3",5\n', "first column has no name, and does not number the rows"),
+        ('"","x"\n"a",4\n"b",5\n', "first column has no name, and does not number the rows"),
+        ('"";"x"\n"1";0,5\n"2";3\n', "row 1 has 1 entries, but row 0 has 2; write decimal points"),
         ("x,y\n1,2\n3,no\n", "row 1 holds '3 no', not numbers; keep labels in one column"),
         ("1\n2\n3\n", "holds 3 rows, but there are 2 vertices"),
     ],
@@ -100,6 +103,15 @@ def test_decimal_commas_are_no_columns(tmp_path: Path, text: str, problem: str) 
     (tmp_path / "a.csv").write_text(text)
     with pytest.raises(FileError, match=problem):
         read_values(tmp_path / "a.csv", n_vertices=2)
+
+
+@pytest.mark.parametrize("row", ["12,5", '"12,5"'])
+def test_one_row_of_whole_numbers_may_be_a_decimal(tmp_path: Path, row: str) -> None:
+    (tmp_path / "a.csv").write_text(f"{row}\n")
+    with pytest.raises(FileError, match="row 0 holds '12,5', whose commas may be decimal ones"):
+        read_values(tmp_path / "a.csv", n_vertices=1)
+    (tmp_path / "a.csv").write_text("x,y\n12,5\n")
+    assert read_values(tmp_path / "a.csv", n_vertices=1).tolist() == [[12, 5]]
 
 
 def test_columns_of_whole_numbers_are_no_decimals(tmp_path: Path) -> None:

@@ -141,7 +141,7 @@ def read_table(path: StrPath, columns: Sequence[str]) -> list[list[str]]:
             if name not in heads:
                 raise FileError(
                     f"{path}: there is no column {name}; the first line must name the columns "
-                    f"{', '.join(columns)}"
+                    f"{', '.join(columns)}, with commas between"
                 )
         found = list(reader)
     except (UnicodeDecodeError, csv.Error) as error:

@@ -18,6 +18,7 @@ from unbend.errors import FileError, InputError
 from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes
 from unbend.io._foreign import MeshLike
 from unbend.io._meshes import as_mesh
+from unbend.io._value_tables import read_table_of_values
 from unbend.io.formats.contents import are_numbers, data_lines, misfit
 from unbend.io.formats.npy import read_array
 from unbend.mesh import edge_ends
@@ -38,7 +39,8 @@ def read_map(
     ----------
     path : path
         A .npy file with a one-dimensional array, or a .txt, .csv or .vts file with one number
-        to a line. A .csv file may begin with a line that names its column.
+        to a line. A .csv file may begin with a line that names its columns, one of which may hold
+        the source vertices, see :func:`unbend.io.read_values`.
     base : {0, 1}, optional
         What the file counts vertices from. Default: 1 for .vts, 0 for the others. In either, -1
         says that a vertex has no image.
@@ -132,15 +134,15 @@ def read_landmarks(
     """Read landmarks (l, 2): on each line a source vertex and the corresponding target vertex.
 
     The file is .csv or .txt, its numbers counted from 0 and separated by a comma or blanks. A .csv
-    file may begin with column names; if these are ``target,source``, the target comes first.
-    Raises FileError if it cannot be read or has other lines, or numbers not below `n_source` and
-    `n_target`.
+    file may begin with column names; a nameless first column, of names of rows, is left out, and in
+    ``target,source`` the target comes first. Raises FileError if it cannot be read or has other
+    lines, or numbers not below `n_source` and `n_target`.
     """
     path = Path(path)
     data = read_bytes(path, (".csv", ".txt"))
     with prefixed(path.name):
         lines = data_lines(data, path.suffix[1:])
-        rows = [line.replace(",", " ").replace(";", " ").split() for line in lines]
+        rows = [re.sub('[,;"]', " ", line).split() for line in lines]
         is_csv = path.suffix.lower() == ".csv"
         if rows and is_csv and not any(are_numbers([word]) for word in rows[0]):
             header, rows = lines[0].lower(), rows[1:]
@@ -148,6 +150,8 @@ def read_landmarks(
                 raise FileError(
                     "holds vertices of one mesh; landmarks are pairs of vertices, source,target"
                 )
+            if re.match(r'[\s"]*[,;]', header):  # names of rows, as pandas and R write them
+                rows = [row[1:] for row in rows]
             if 0 <= header.find("target") < header.find("source"):
                 rows = [row[::-1] for row in rows]
         if not rows:
@@ -239,9 +243,13 @@ def _base(base: int | None, suffix: str) -> int:
 
 
 def _numbers(data: bytes, suffix: str) -> IntArray:
-    lines = [line.strip() for line in data_lines(data, suffix[1:])]
-    if suffix == ".csv" and lines and not are_numbers(lines[:1]):
-        lines = lines[1:]
+    if suffix == ".csv":
+        values, _ = read_table_of_values(data, suffix, None)
+        if values.dtype.kind != "U":
+            return whole_numbers(values)
+        lines = values.tolist()
+    else:
+        lines = [line.strip() for line in data_lines(data, suffix[1:])]
     for index, line in enumerate(lines):
         if not are_numbers([line]):
             raise misfit(f"row {index}", line, "; a map has one vertex number to a line")

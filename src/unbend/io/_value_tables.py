@@ -14,6 +14,7 @@ from unbend.errors import FileError
 from unbend.io.formats.contents import are_numbers, misfit, text_lines
 
 _MOST_LETTERS = 1000
+_SEPARATE = "write decimal points, and separate columns by commas in .csv, by blanks in .txt"
 # Names of columns of vertex numbers, without blanks; pandas and R give theirs none.
 _NUMBERS = ("vertex", "vertexid", "vertexindex", "pointid", "index", "id", "", "unnamed:0")
 
@@ -46,7 +47,8 @@ def read_table_of_values(
         return np.empty(0), []
     for i, row in enumerate(rows):
         if len(row) != len(rows[0]):
-            raise FileError(f"row {i} has {len(row)} entries, but row 0 has {len(rows[0])}")
+            sizes = f"row {i} has {len(row)} entries, but row 0 has {len(rows[0])}"
+            raise FileError(f"{sizes}; {_SEPARATE}")
         # An array of words gives each as much room as the longest.
         if max(map(len, row)) > _MOST_LETTERS:
             raise FileError(f"row {i} holds a word of more than {_MOST_LETTERS} letters")
@@ -106,11 +108,14 @@ def _by_vertex(header: list[str], rows: list[list[str]]) -> tuple[list[str], lis
         return header[1:], _in_order(rows)
     for i in (names.index(name) for name in _NUMBERS if name in names):
         numbers = [float(row[i]) for row in rows if are_numbers([row[i]])]
-        if sorted(numbers) == list(range(len(rows))):
+        from_one = list(range(1, len(rows) + 1))  # as R names rows
+        if sorted(numbers) == list(range(len(rows))) or (numbers == from_one and not names[i]):
             others = [rows[at][:i] + rows[at][i + 1 :] for at in np.argsort(numbers)]
             return header[:i] + header[i + 1 :], others
-        if sorted(numbers) == list(range(1, len(rows) + 1)):
+        if sorted(numbers) == from_one:
             raise FileError(f"column {header[i]!r} numbers vertices from 1; count them from 0")
+    if names and not names[0]:
+        raise FileError("its first column has no name, and does not number the rows; leave it out")
     first = [row[0] for row in rows]
     every = [str(i) for i in range(len(rows))]
     numbered = header and header[0].endswith("_0")  # one of several of a name
@@ -133,9 +138,9 @@ def _refuse_decimal_commas(header: list[str], rows: list[list[str]]) -> None:
     if header or not all(re.fullmatch(r"[+-]?\d+,\d+", pair) for pair in pairs):
         return
     for i, row in enumerate(rows):
-        # No number begins with -0, or with 0 before other digits.
-        if re.search(r"^-0,|,0\d", ",".join(row)):
-            problem = ", whose commas may be decimal ones; write decimal points"
+        # No number begins with -0, or with 0 before other digits; one row tells nothing.
+        if len(rows) == 1 or re.search(r"^-0,|,0\d", ",".join(row)):
+            problem = ", whose commas may be decimal ones; write decimal points or column names"
             raise misfit(f"row {i}", ",".join(row), problem)
 
 
@@ -144,8 +149,4 @@ def _refuse_numbers_as_labels(words: list[str]) -> None:
     for index, word in enumerate(words):
         first, *more = re.split(r"[,;\t#]", word)
         if more and are_numbers([first]):
-            problem = (
-                ", neither a number nor a label; write decimal points, and separate columns by "
-                "commas in .csv, by blanks in .txt"
-            )
-            raise misfit(f"row {index}", word, problem)
+            raise misfit(f"row {index}", word, f", neither a number nor a label; {_SEPARATE}")
