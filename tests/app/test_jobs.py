@@ -103,11 +103,15 @@ def test_a_table_and_landmarks_are_carried(shapes, matched, tmp_path) -> None:
     found = done(tmp_path, "transfer", shapes, **uses(matched), values=[str(parts), "parts.csv"])
     assert set(read_values(file_of(found, ".csv"), n_vertices=600)) == {"head", "tail"}
     points = tmp_path / "points.mrk.json"
-    write_markups(points, shapes[0][0], [3, 400], ["nose", "tail"])
     given = uses(matched) | {"values": [str(points), "points.mrk.json"]}
-    carried = done(tmp_path / "more", "transfer", shapes, **given)
-    labels, _ = read_markups(file_of(carried, ".mrk.json"), shapes[1][0])
-    assert labels == ["nose", "tail"]
+    partners = read_match(matched["map_file"]).source_to_target
+    for names in (["nose", "tail"], ["", ""]):  # 3D Slicer does not ask for different ones
+        write_markups(points, shapes[0][0], [3, 400], names)
+        carried = done(tmp_path / f"more{names[0]}", "transfer", shapes, **given)
+        labels, vertices = read_markups(file_of(carried, ".mrk.json"), shapes[1][0])
+        assert labels == names
+        assert vertices.tolist() == partners[[3, 400]].tolist()
+        assert carried["facts"][0][1] == "2 of 2 landmarks"
 
 
 def test_a_label_has_one_colour_on_both_shapes(shapes, matched, tmp_path, monkeypatch) -> None:

@@ -110,10 +110,11 @@ def transfer(work: Work, values: Sequence[str] | None = None, column: str | None
     if markups:
         labels, rows = io.read_markups(path, source)
         carried = found.source_to_target[rows]
-        kept = {labels[i]: int(carried[i]) for i in np.flatnonzero(carried >= 0)}
-        about = "the landmarks, for 3D Slicer"
-        io.write_markups(work.new_file(out, about), target, list(kept.values()), list(kept))
-        report.view(target, landmarks=kept, path=work.page, up=work.up)
+        kept, at = [labels[i] for i in np.flatnonzero(carried >= 0)], carried[carried >= 0]
+        io.write_markups(work.new_file(out, "the landmarks, for 3D Slicer"), target, at, kept)
+        named = dict(zip(kept, at.tolist(), strict=True))  # several may have one label
+        shown: Any = named if len(named) == len(kept) else at
+        report.view(target, landmarks=shown, path=work.page, up=work.up)
         facts = {"carried": f"{len(kept)} of {len(labels)} landmarks"}
         python = work.python(
             "io, read_match, read_mesh",
