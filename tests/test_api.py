@@ -25,13 +25,21 @@ from unbend.errors import (
     SolverError,
     UnbendWarning,
 )
-from unbend.io import invert_map, read_markup_pairs, write_markups, write_values
+from unbend.io import (
+    invert_map,
+    read_markup_pairs,
+    value_colors,
+    write_markups,
+    write_values,
+)
 from unbend.report import (
+    draw_canonical_forms,
     draw_distances,
     draw_form,
     draw_similarities,
     form_page,
     match_page,
+    pattern_colors,
     search_page,
     similarity_page,
     view,
@@ -146,6 +154,12 @@ def test_every_public_name_can_be_had_from_a_core_install():
         (lambda out: write_values(out.with_suffix(".csv"), [None] * N, BALL), "of type object"),
         (lambda out: write_values(out.with_suffix(".csv"), EVERY * 1j, BALL), "type complex128"),
         (lambda out: write_values(out, np.ma.masked_less(EVERY, 9), BALL), "some are masked"),
+        (lambda out: value_colors(np.ma.masked_less(EVERY, 9)), "values: some are masked"),
+        (lambda out: pattern_colors(np.ma.masked_less(FORMS[0], 0)), "vertices: some are masked"),
+        (
+            lambda out: draw_canonical_forms([("a", BALL, np.ma.masked_less(FORMS[0], 0))], out),
+            "the canonical form of 'a': some are masked",
+        ),
         (lambda out: write_values(out, EVERY, BALL, kind="color"), "colors must be whole numbers"),
         (lambda out: write_values(out.with_suffix(".obj"), ["a"] * N, BALL), "values: needs real"),
         (lambda out: write_values(out, EVERY + 2**53, BALL), "must be below 2^53"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import numbers_of
+from unbend._arrays import array_of, numbers_of
 from unbend.errors import InputError
 
 # Viridis of matplotlib, at every sixteenth.
@@ -40,7 +40,7 @@ def value_colors(
     """
     if kind not in ("scalar", "label", "weights"):
         raise InputError(f'kind must be "scalar", "label" or "weights", not {kind!r}')
-    array = np.asarray(values)
+    array = array_of(values, "values")
     known = None
     if kind == "weights":
         weights = numbers_of(array, "values").reshape(len(array), -1)

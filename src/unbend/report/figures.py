@@ -190,7 +190,7 @@ def draw_canonical_forms(
 
 
 def _places(given: Any, mesh: Mesh, what: str) -> FloatArray:
-    points = np.asarray(given, dtype=np.float64)
+    points = numbers_of(given, what)
     if points.shape != mesh.vertices.shape:
         raise InputError(
             f"{what} has shape {points.shape}, but its original has {mesh.n_vertices} vertices"

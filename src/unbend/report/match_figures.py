@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from unbend._arrays import numbers_of
 from unbend._types import FloatArray, StrPath
 from unbend.correspondence import THRESHOLDS, Evaluation, as_point_map, carry
 from unbend.errors import InputError
@@ -51,7 +52,7 @@ def pattern_colors(vertices: npt.ArrayLike) -> FloatArray:
     >>> pattern_colors([[0, 0, 0], [1, 2, 4]]).shape
     (2, 3)
     """
-    points = np.asarray(vertices, dtype=np.float64)
+    points = numbers_of(vertices, "vertices")
     colors = position_colors(points)
     finite = np.isfinite(points).all(axis=1)
     if finite.any():
