@@ -114,6 +114,16 @@ def test_a_table_and_landmarks_are_carried(shapes, matched, tmp_path) -> None:
         assert carried["facts"][0][1] == "2 of 2 landmarks"
 
 
+def test_texture_coordinates_are_carried_as_such(shapes, matched, tmp_path) -> None:
+    source, path = read_mesh(shapes[0][0]), tmp_path / "uv.ply"
+    write_mesh(path, source, uvs=source.vertices[:, :2])
+    given = uses(matched) | {"values": [str(path), "uv.ply"], "column": "uv"}
+    found = done(tmp_path, "transfer", shapes, **given)
+    want = read_values(file_of(found, ".npy"))
+    np.testing.assert_allclose(read_values(file_of(found, ".glb"), name="uv"), want, atol=1e-6)
+    assert "as uv" in found["facts"][0][1]
+
+
 def test_a_label_has_one_colour_on_both_shapes(shapes, matched, tmp_path, monkeypatch) -> None:
     table, drawn = tmp_path / "own.csv", []
     table.write_text("\n".join(f"v{i}" for i in range(600)), encoding="utf-8")

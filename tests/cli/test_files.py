@@ -116,6 +116,9 @@ def test_texture_coordinates_are_carried_by_their_name(folder: Path) -> None:
     right(*given, "--property", "uv", "-o", "out.obj")
     lines = [line.split() for line in Path("out.obj").read_text().splitlines()]
     assert [[float(word) for word in line[1:]] for line in lines if line[0] == "vt"] == uvs.tolist()
+    write_mesh("uv.ply", SOURCE, uvs=uvs)
+    assert "(uv)" in right(*given, "-o", "out.ply").stdout
+    assert b"property double s\nproperty double t\n" in Path("out.ply").read_bytes()
     write_mesh("uv.ply", SOURCE, scalars={"uv": SAME, "heat": SAME})
     assert "(label)" in right(*given, "--property", "uv", "-o", "out.ply").stdout
 

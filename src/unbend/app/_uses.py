@@ -112,8 +112,8 @@ def transfer(work: Work, values: Sequence[str] | None = None, column: str | None
         carried = found.source_to_target[rows]
         kept, at = [labels[i] for i in np.flatnonzero(carried >= 0)], carried[carried >= 0]
         io.write_markups(work.new_file(out, "the landmarks, for 3D Slicer"), target, at, kept)
-        named = dict(zip(kept, at.tolist(), strict=True))  # several may have one label
-        shown: Any = named if len(named) == len(kept) else at
+        by_label = dict(zip(kept, at.tolist(), strict=True))  # several may have one label
+        shown: Any = by_label if len(by_label) == len(kept) else at
         report.view(target, landmarks=shown, path=work.page, up=work.up)
         facts = {"carried": f"{len(kept)} of {len(labels)} landmarks"}
         python = work.python(
@@ -123,7 +123,7 @@ def transfer(work: Work, values: Sequence[str] | None = None, column: str | None
         )
         return work.result(f"{name} on {target.name}", command, python, facts)
     array, names = io.read_named_values(path, n_vertices=source.n_vertices, name=column)
-    kind = correspondence.value_kind(array)
+    kind = correspondence.value_kind(array, "uv" if names == ["uv_0", "uv_1"] else "auto")
     carried = correspondence.transfer(array, found, kind=kind, source=source, target=target)
     drawable = kind == "color" or array.ndim == 1
     suffixes = [".csv", ".npy"]

@@ -34,7 +34,7 @@ def transfer(
           .obj, .glb: the target with colours or texture coordinates. Numbers and labels are
           coloured, for Blender and MeshLab. Landmarks: .mrk.json.
       kind: auto: scalar for fractions, label for whole numbers and text; for several columns color
-          from 0 to 255, uv for that property, else scalar.
+          from 0 to 255, uv for texture coordinates, else scalar.
       property_name: Which values of a mesh file: a property of its vertices, color or uv.
       expected_error: Write too how far off each target vertex's source may be, in square roots of
           the target's area (.npy, .csv, .txt, .ply, .vtp): `Match.expected_error`, carried.
@@ -58,7 +58,7 @@ def transfer(
         labels, array = io.read_markups(values, a)
     else:
         array, names = io.read_named_values(values, n_vertices=a.n_vertices, name=property_name)
-        if kind == "auto" and property_name == "uv" and array.ndim == 2:
+        if kind == "auto" and names == ["uv_0", "uv_1"]:
             kind = "uv"
         chosen = unbend.correspondence.value_kind(array, kind)
         io.check_storable(out, array, chosen)
