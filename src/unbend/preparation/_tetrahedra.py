@@ -100,9 +100,7 @@ def find_inside(tetrahedra: Tetrahedra, normals: FloatArray, winding: FloatArray
     return minimum_cut(gains, np.stack([first, second]), costs, area.mean() / _LEVELS)
 
 
-def boundary(
-    tetrahedra: Tetrahedra, inside: BoolArray
-) -> tuple[IntArray, IntArray, BoolArray]:
+def boundary(tetrahedra: Tetrahedra, inside: BoolArray) -> tuple[IntArray, IntArray, BoolArray]:
     """Find the faces between inside and outside, and where they meet.
 
     Where more than two meet at an edge, the tetrahedra around it are taken from the inside. Rings
