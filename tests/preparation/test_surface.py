@@ -18,14 +18,14 @@ def sphere(n: int, noise: float = 0) -> FloatArray:
     return np.asarray(points + noise * chance.standard_normal((n, 3)))
 
 
-def torus(n: int, noise: float = 0) -> FloatArray:
-    """Of radii 1 and 0.4, uniform by area."""
+def torus(n: int, noise: float = 0, thick: float = 0.4) -> FloatArray:
+    """Of radii 1 and 0.4, or another, uniform by area."""
     chance = np.random.default_rng(n)
     around, across = 2 * np.pi * chance.random((2, 4 * n))
-    kept = chance.random(4 * n) < (1 + 0.4 * np.cos(across)) / 1.4
+    kept = chance.random(4 * n) < (1 + thick * np.cos(across)) / (1 + thick)
     around, across = around[kept][:n], across[kept][:n]
-    radius = 1 + 0.4 * np.cos(across)
-    points = np.stack([radius * np.cos(around), radius * np.sin(around), 0.4 * np.sin(across)], 1)
+    radius = 1 + thick * np.cos(across)
+    points = np.stack([radius * np.cos(around), radius * np.sin(around), thick * np.sin(across)], 1)
     return np.asarray(points + noise * chance.standard_normal((n, 3)))
 
 
@@ -132,6 +132,13 @@ def test_a_ring_whose_ends_touch_is_cut() -> None:
     health = diagnose(surface_of_points(Mesh(np.vstack([points[outside], ends]))).mesh)
     assert health.n_components == 1
     assert health.genus == 0
+
+
+def test_a_thin_ring_is_cut_and_its_ends_are_closed() -> None:
+    health = diagnose(surface_of_points(Mesh(torus(1000, thick=0.1))).mesh)
+    assert health.closed
+    assert health.genus == 0
+    assert health.area == pytest.approx(4 * np.pi**2 * 0.1, rel=0.04)
 
 
 def test_the_surface_goes_along_with_the_points() -> None:

@@ -3,7 +3,7 @@
 The winding number on a grid gives the points normals, and tells on which side of the surface a
 large empty ball is. Those balls give points normals that are right where parts nearly touch. Noisy
 points move along their normals. The surface is made of faces of their Delaunay tetrahedra. Thin
-rings of these are cut, their ends are closed, and what no points support is removed.
+rings of these are cut, and what no points support is removed; if that is nothing, cuts are closed.
 """
 
 from __future__ import annotations
@@ -151,8 +151,11 @@ def surface_of_points(cloud: Mesh) -> PointSurface:
     points = _denoised(points, normals, chosen, spacing)
     tetrahedra = make_tetrahedra(points, spacing)
     winding, normals = _sides(tetrahedra, grid, field - level)
-    faces, edges, kept = boundary(tetrahedra, find_inside(tetrahedra, normals, winding))
-    kept[~kept] = _supported(faces[~kept], points, normals, spacing)
+    faces, edges, cut = boundary(tetrahedra, find_inside(tetrahedra, normals, winding))
+    kept = ~cut
+    kept[kept] = _supported(faces[kept], points, normals, spacing)
+    if kept[~cut].all():  # what is partial anyway stays open at cuts, too
+        kept[:] = True
     point, faces = split(faces[kept], edges[kept])
     while (pinched := _pinched(faces, len(point))).any():
         faces = faces[~pinched[faces].any(axis=1)]

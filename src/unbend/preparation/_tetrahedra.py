@@ -5,7 +5,7 @@ as the normals of the points do and the surface is smooth (Lempitsky & Boykov, "
 for shape fitting", CVPR 2007; Labatut, Pons & Keriven, "Robust and efficient surface
 reconstruction from range data", CGF 2009). Parts that nearly touch stay apart, because
 tetrahedra in the gap between them are as thin as the gap. Where parts touch and tetrahedra join
-them to rings, the rings are cut where they are narrowest, and their ends are closed.
+them to rings, the rings are cut where they are narrowest.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def boundary(tetrahedra: Tetrahedra, inside: BoolArray) -> tuple[IntArray, IntAr
     """Find the faces between inside and outside, and where they meet.
 
     Where more than two meet at an edge, the tetrahedra around it are taken from the inside. Rings
-    of tetrahedra are cut (:func:`_joined`), and both ends are closed with the faces of the cut.
+    of tetrahedra are cut (:func:`_joined`), and the faces of a cut close both of its ends.
 
     Returns the points of the faces (m, 3), wound outward, the edge (m, 3) from each corner to the
     next, where two faces meet, and whether a face (m,) is of a cut.
