@@ -15,7 +15,13 @@ import pytest
 import unbend
 from unbend.alignment import procrustes
 from unbend.canonical import interpolate
-from unbend.collection import find_groups, mean_shape, retrieval_measures, shape_statistics
+from unbend.collection import (
+    Registered,
+    find_groups,
+    mean_shape,
+    retrieval_measures,
+    shape_statistics,
+)
 from unbend.datasets import make_sphere, rest_map
 from unbend.errors import (
     FileError,
@@ -47,6 +53,9 @@ from unbend.report import (
 
 BALL = make_sphere(2)
 N = BALL.n_vertices
+SOUP = unbend.Mesh(
+    np.tile(BALL.vertices, (9, 1)), np.vstack([BALL.faces + N * i for i in range(9)])
+)
 EVERY = np.arange(N)
 RAGGED = [[1, 2], [3]]
 MATCH = unbend.Match(EVERY, EVERY, np.eye(4), 1.0, 0.0, 1.0)
@@ -230,13 +239,15 @@ def test_a_mesh_stays_read_only_however_it_is_copied(again: Callable) -> None:
         unbend.evaluate(EVERY, BALL, EVERY, EVERY),
         retrieval_measures(np.arange(16.0).reshape(4, 4), [0, 0, 1, 1]),
         unbend.datasets.make_quadruped(n_vertices=500),
+        unbend.diagnose(SOUP),
+        Registered(9, 0, ("shape",) * 9, ("failure",) * 9, 1.0),
     ],
     ids=lambda one: type(one).__name__,
 )
 def test_a_result_is_told_in_a_few_lines(result: object) -> None:
     told = repr(result)
     assert told.startswith(f"{type(result).__name__}(")
-    assert len(told) < 400
+    assert len(told) < 600
     assert "array" not in told
 
 

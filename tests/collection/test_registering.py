@@ -273,7 +273,10 @@ def test_shapes_may_be_in_the_folder_that_is_written_to(own: tuple[Collection, P
     collection, out = own
     (walking,) = (one.path for one in collection if one.path.endswith("walking.off"))
     shutil.copy(walking, out)
-    done = register_files([str(out)], str(out / "template.obj"), str(out))
+    (out / "other.glb").touch()
+    with pytest.warns(UnbendWarning, match="left out 1 .glb file"):
+        done = register_files([str(out)], str(out / "template.obj"), str(out))
+    (out / "other.glb").unlink()
     assert [one.path for one in done.shapes] == [str(out / "walking.off")]
     assert (done.skipped, done.failures) == (1, ())
     (out / "walking.off").unlink()

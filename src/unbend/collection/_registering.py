@@ -27,6 +27,7 @@ from unbend.collection._files import (
     make_folder,
     registered_stems,
     stem,
+    warn_of_others,
     without_file,
 )
 from unbend.collection._rows import Entry, Failure, Registered, RegisteredShape
@@ -96,6 +97,7 @@ def register_files(
 
     Those that were written to `out` before are left out.
     """
+    warn_of_others(paths)
     folder = Path(os.path.abspath(out))
     written = registered_stems(folder)
     scans = (

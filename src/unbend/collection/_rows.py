@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from unbend._display import is_doubtful
+from unbend._display import Brief, is_doubtful
 from unbend.errors import UnbendError
 
 
@@ -82,8 +82,8 @@ class Failure:
         return cls(path, f"{kind}{error}".split("\n", 1)[0])
 
 
-@dataclass(frozen=True)
-class Added:
+@dataclass(frozen=True, repr=False)
+class Added(Brief):
     """What adding shapes came to.
 
     Attributes
@@ -103,8 +103,8 @@ class Added:
     seconds: float
 
 
-@dataclass(frozen=True)
-class Matched:
+@dataclass(frozen=True, repr=False)
+class Matched(Brief):
     """What matching pairs of shapes came to.
 
     Attributes
@@ -158,8 +158,8 @@ class RegisteredShape:
         return is_doubtful(self.confidence)
 
 
-@dataclass(frozen=True)
-class Registered:
+@dataclass(frozen=True, repr=False)
+class Registered(Brief):
     """What registering a template to shapes came to.
 
     Attributes

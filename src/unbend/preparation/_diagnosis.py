@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from unbend._arrays import count_repeats
+from unbend._display import Brief
 from unbend.errors import MeshError
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import (
@@ -23,8 +24,8 @@ from unbend.mesh import (
 from unbend.preparation._prepare import prepare
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Brief):
     """The health of a mesh, as returned by :func:`diagnose`.
 
     Attributes
