@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import fields
 from html import escape
@@ -45,6 +46,11 @@ def where_landmarks_help(hints: Sequence[int]) -> str:
     if not hints:
         return ""
     return f", best at source vertex {' or '.join(map(str, hints))} (counted from 0)"
+
+
+def confidence_told(confidence: float) -> str:
+    """Write a confidence; NaN says that nobody knows it."""
+    return "not estimated" if math.isnan(confidence) else f"{confidence:.2f}"
 
 
 def is_doubtful(confidence: float) -> bool:

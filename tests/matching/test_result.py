@@ -21,3 +21,9 @@ WHOLE = Match(np.array([1, 0, 1]), np.array([1, 0]), np.eye(2), 0.7, 0.1, 0.9)
 def test_it_tells_its_size_and_of_what_part_it_is(shares: tuple[float, float], told: str) -> None:
     found = replace(WHOLE, overlap_source=shares[0], overlap_target=shares[1])
     assert repr(found) == told
+
+
+def test_it_says_so_where_nobody_knows_its_confidence() -> None:
+    found = replace(WHOLE, confidence=np.nan)
+    assert repr(found) == "Match(3 to 2 vertices, confidence not estimated)"
+    assert '<th scope="row">confidence</th><td>not estimated</td>' in found._repr_html_()

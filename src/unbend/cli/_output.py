@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 import unbend
-from unbend._display import is_doubtful, where_landmarks_help
+from unbend._display import confidence_told, is_doubtful, where_landmarks_help
 from unbend._text import printable, quoted
 from unbend.errors import UnbendWarning
 
@@ -116,7 +116,7 @@ def warn_if_doubtful(match: unbend.Match, *, seen: bool = False) -> None:
 def confidence_of(result: object) -> str:
     """Say how far the match behind a result is to be trusted."""
     confidence = getattr(result, "confidence", math.nan)
-    return "not estimated" if math.isnan(confidence) else f"{confidence:.2f}, of the match"
+    return confidence_told(confidence) + ("" if math.isnan(confidence) else ", of the match")
 
 
 def progress(stage: str, share: float) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from unbend._display import confidence_told
 from unbend._types import BoolArray, FloatArray, IntArray, Progress, StrPath
 from unbend.alignment import procrustes
 from unbend.correspondence._fitting import Fit
@@ -60,7 +61,7 @@ class Registration:
     def __repr__(self) -> str:
         return (
             f"Registration({self.mesh.n_vertices} vertices, {self.coverage:.1%} on the scan, "
-            f"confidence {self.confidence:.2f})"
+            f"confidence {confidence_told(self.confidence)})"
         )
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from unbend._display import table
+from unbend._display import confidence_told, table
 from unbend._types import FloatArray, IntArray
 from unbend.errors import warn
 
@@ -126,12 +126,12 @@ class Match:
         overlap = "" if part == 1 else f"overlap {part:.0%}, "
         return (
             f"Match({len(self.source_to_target)} to {len(self.target_to_source)} vertices, "
-            f"{overlap}confidence {self.confidence:.2f})"
+            f"{overlap}confidence {confidence_told(self.confidence)})"
         )
 
     def _repr_html_(self) -> str:
         matched, n = int((self.source_to_target >= 0).sum()), len(self.source_to_target)
-        unknown, mirror = math.isnan(self.confidence), self.orientation < 0
+        mirror = self.orientation < 0
         kept, there, back = (
             (1 + abs(self.orientation)) / 2,
             self.overlap_source,
@@ -141,7 +141,7 @@ class Match:
         rows = [
             ("match", f"{matched:,} of {n:,} vertices, to {len(self.target_to_source):,}"),
             *([overlap] if min(there, back) < 1 else []),
-            ("confidence", "not estimated" if unknown else f"{self.confidence:.2f}"),
+            ("confidence", confidence_told(self.confidence)),
             ("mirrored" if mirror else "right side out", f"{kept:.0%} of the surface"),
             *(
                 (

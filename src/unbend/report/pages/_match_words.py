@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
-from unbend._display import is_doubtful, table, where_landmarks_help
+from unbend._display import confidence_told, is_doubtful, table, where_landmarks_help
 from unbend.correspondence import THRESHOLDS, Evaluation
 from unbend.matching import Match
 from unbend.report.pages import _document as parts
@@ -142,12 +141,11 @@ def facts(
         rows.append(("landmarks ignored", f"{which}: they contradict the best-fitting map"))
     if match is None:
         return parts.how_made(rows, command)
-    known = not math.isnan(match.confidence)
     overlap = (
         f"{match.overlap_source:.0%} of the source's, {match.overlap_target:.0%} of the target's"
     )
     rows += [
-        ("confidence", f"{match.confidence:.2f}" if known else "not estimated"),
+        ("confidence", confidence_told(match.confidence)),
         ("right side out", f"{(1 + match.orientation) / 2:.0%} of the surface"),
         ("area with a partner", overlap),
         ("residual of the aligned forms", f"{match.residual:.3f}"),
