@@ -8,6 +8,7 @@ import pytest
 
 from unbend.app import _worker
 from unbend.app._worker import Worker
+from unbend.errors import warn
 
 GIB = 2**30
 
@@ -56,6 +57,15 @@ def test_errors_are_sentences(worker, tmp_path) -> None:
     assert "bad.off" in found["error"]
     found = worker.run(job | {"folder": "/nowhere/at/all"}, lambda *_: None)
     assert "please report this" in found["error"]
+
+
+def test_warnings_are_told_once() -> None:
+    def run(job, progress):
+        warn("two pieces")
+        warn("two pieces")
+        return {"title": "done"}
+
+    assert _worker._answer(run, {}, print) == {"title": "done", "warnings": ["two pieces"]}
 
 
 @pytest.mark.skipif(not os.path.exists("/proc/self/statm"), reason="the system does not tell")

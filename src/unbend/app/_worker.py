@@ -15,7 +15,7 @@ from typing import Any
 
 from unbend._memory import LIMIT_VARIABLE
 from unbend._types import Progress
-from unbend.errors import UnbendError, UnbendWarning
+from unbend.errors import UnbendError, heard
 
 _SECONDS_BETWEEN_CHECKS = 0.2
 _SECONDS_BETWEEN_REPORTS = 0.1
@@ -97,6 +97,7 @@ def _work(pipe: Connection, memory: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
     threading.Thread(target=_end_with_parent, daemon=True).start()
     os.environ[LIMIT_VARIABLE] = str(memory / 2**30)
+    warnings.simplefilter("ignore")  # but ours, which are heard
     from unbend.app._jobs import run
 
     last = 0.0
@@ -118,18 +119,16 @@ def _work(pipe: Connection, memory: int) -> None:
 
 def _answer(run: Any, job: dict[str, Any], progress: Progress) -> dict[str, Any]:
     """Call a function, and turn what it raises into a sentence."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("ignore")
-        warnings.simplefilter("always", UnbendWarning)
-        try:
+    try:
+        with heard() as said:
             found: dict[str, Any] = run(job, progress)
-        except UnbendError as error:
-            return {"error": str(error)}
-        except MemoryError:
-            return {"error": "there is too little memory: reduce the shape to fewer vertices first"}
-        except Exception as error:  # a bug of ours; the session goes on
-            return {"error": f"unbend failed ({type(error).__name__}: {error}); please report this"}
-    return found | {"warnings": list(dict.fromkeys(str(one.message) for one in caught))}
+    except UnbendError as error:
+        return {"error": str(error)}
+    except MemoryError:
+        return {"error": "there is too little memory: reduce the shape to fewer vertices first"}
+    except Exception as error:  # a bug of ours; the session goes on
+        return {"error": f"unbend failed ({type(error).__name__}: {error}); please report this"}
+    return found | {"warnings": said}
 
 
 def _end_with_parent() -> None:
