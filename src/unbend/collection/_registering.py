@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._arrays import array_of
-from unbend._text import quoted
+from unbend._text import plural, quoted
 from unbend._types import IntArray, Progress, StrPath
 from unbend.collection._engine import Engine, attempt_all, engine
 from unbend.collection._files import (
@@ -33,7 +33,7 @@ from unbend.collection._files import (
 from unbend.collection._rows import Entry, Failure, Registered, RegisteredShape
 from unbend.collection._store import Store, check_outside
 from unbend.correspondence import Registration, register, write_registration
-from unbend.errors import FileError, InputError, heard
+from unbend.errors import FileError, InputError, heard, warn
 from unbend.io import atomic_write, moved_obj, read_bytes, read_mesh, read_table, write_table
 from unbend.matching import landmark_pairs, match, prepare_spectrum
 from unbend.mesh import Mesh
@@ -182,10 +182,17 @@ def _copy(template: Path, folder: Path) -> None:
 
 
 def _follow(folder: Path, suffix: str, names: Sequence[str]) -> None:
-    """Rename what is registered of shapes that were renamed; names end with 8 digits of ids."""
+    """Rename what is registered of shapes that were renamed; names end with 8 digits of ids.
+
+    Warns of what is registered of other shapes.
+    """
     now = {name[-8:]: name for name in names}
     try:
-        for result in list((folder / REGISTRATIONS).glob("*-????????.npz")):
+        results = list((folder / REGISTRATIONS).glob("*-????????.npz"))
+        if others := sum(one.stem[-8:] not in now for one in results):
+            told = f"{plural(others, 'registered shape')} that {_TABLE} does not list"
+            warn(f"{folder} also holds {told}; give another folder to keep them apart")
+        for result in results:
             name = now.get(result.stem[-8:], result.stem)
             if name == result.stem:
                 continue
