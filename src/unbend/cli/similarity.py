@@ -75,16 +75,20 @@ def similarity(
         given: Any = {"n_components": n_components}
         confidence = None
         if not known:
+            both = f"{shapes[i].name} to {shapes[j].name}"
 
-            def step(stage: str, share: float, i: int = i, j: int = j) -> None:
-                output.progress(f"{shapes[i].name} to {shapes[j].name}: {stage}", share)
+            def step(stage: str, share: float, both: str = both) -> None:
+                output.progress(f"{both}: {stage}", share)
 
             with heard() as said:
                 given["match"] = unbend.match(shapes[i], shapes[j], progress=step)
             for one in said:
-                warn(f"{shapes[i].name} to {shapes[j].name}: {one}")
+                warn(f"{both}: {one}")
             given["areas"] = tuple(unbend.mesh.vertex_areas(shapes[k]) for k in (i, j))
             confidence = given["match"].confidence
+            if matrix and is_doubtful(confidence):  # a matrix has values alone
+                note = f"{both}: doubtful match, confidence {confidence:.2f}"
+                shapes[i] = replace(shapes[i], notes=(*shapes[i].notes, note))
         value = unbend.similarity(forms[i], forms[j], **given)
         square[i][j] = square[j][i] = value
         pairs.append((paths[i], paths[j], value, confidence))
