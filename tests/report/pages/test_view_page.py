@@ -1,5 +1,6 @@
 """The page of one or two meshes holds what it shows, and refuses what does not fit."""
 
+import json
 import re
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from typer.testing import CliRunner
 from unbend import Mesh
 from unbend.cli import app
 from unbend.errors import FileError, InputError, MeshError
-from unbend.io import write_markups, write_mesh
+from unbend.io import _markups, write_markups, write_mesh
 from unbend.report import view
 from unbend.report.pages import _document
 
@@ -53,6 +54,13 @@ def test_what_does_not_fit_is_refused(blob: Mesh, tmp_path: Path) -> None:
         view(blob, landmarks=[(0, 1)])
     with pytest.raises(FileError, match=r"\.html"):
         view(blob, path=tmp_path / "page.txt")
+
+
+def test_pages_read_landmarks_of_3d_slicer_as_python_does(blob: Mesh) -> None:
+    html = view(blob).html
+    for name in ("SCHEMA", "FARTHEST", "MOVED"):
+        (value,) = re.findall(rf"^const {name} = (.*?);", html, re.MULTILINE)
+        assert json.loads(value) == getattr(_markups, f"_{name}")
 
 
 def test_constant_values_are_shown(blob: Mesh) -> None:
