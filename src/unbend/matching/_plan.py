@@ -206,10 +206,9 @@ def from_extremities(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     Likely are those whose distances deviate little and whose maps explain much: the product of a
     guess's ranks by either decides.
     """
-    n_kept = 2 * BEAM if sides.partial else BEAM
     medium = sides.at(MEDIUM)
     mine, other = run_all(functools.partial(find_extremities, one) for one in medium)
-    guesses = guess_limbs(mine, other, 48 * n_kept)
+    guesses = guess_limbs(mine, other, 48 * BEAM)
     if not guesses:
         return []
     kept = sides.source.proxies[COARSE].kept, sides.target.proxies[COARSE].kept
@@ -226,10 +225,10 @@ def from_extremities(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     ranks = (1 + by_cost) * [1 + one.rank for one in guesses]
     starts = run_all(
         functools.partial(mapped_start, *coarse, forward[:, i], backward[:, i], guesses[i].size)
-        for i in np.argsort(ranks, kind="stable")[: 4 * n_kept]
+        for i in np.argsort(ranks, kind="stable")[: 4 * BEAM]
     )
     begun = best(sides, COARSE, registered(sides, COARSE, starts, COARSE_WEIGHTS[:1], resize=False))
-    poses = [one.registered for one in begun[:n_kept]]
+    poses = [one.registered for one in begun[:BEAM]]
     return registered(sides, COARSE, poses, COARSE_WEIGHTS[1:], resize=False)
 
 
