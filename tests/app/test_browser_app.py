@@ -25,10 +25,12 @@ def chromium(app, tmp_path_factory: pytest.TempPathFactory):
 @pytest.fixture
 def page(chromium: Browser, app, tmp_path: Path):
     """The app in an empty state, to whose page nothing bad happens during a test."""
-    chromium.problems.clear()
+    # Pages that are shown may still load what goes.
+    chromium.run("document.querySelectorAll('iframe').forEach(one => one.remove())")
     for kind in ("jobs", "results", "shapes", "troubles"):
         for one in app.get("state")[kind]:
             app.send("DELETE", f"{kind}/{one['id']}")
+    chromium.problems.clear()
     chromium.call("Page.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
     chromium.visit(app.address)
     yield chromium
