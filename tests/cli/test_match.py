@@ -182,7 +182,8 @@ def test_doubt_is_said(capsys: pytest.CaptureFixture[str]) -> None:
     warn_if_doubtful(replace(poor, landmark_hints=(3, 1)))
     told = capsys.readouterr().err
     assert "another map is nearly as good" in told
-    assert "--landmarks where it goes wrong, best at source vertex 3 or 1 (counted from 0)" in told
+    where = "best at source vertex 3 or 1 (counted from 0)"
+    assert f"place landmarks with unbend view, {where}, for --landmarks" in told
 
 
 @pytest.mark.parametrize(

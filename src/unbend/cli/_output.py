@@ -109,7 +109,8 @@ def warn_if_doubtful(match: unbend.Match, *, seen: bool = False) -> None:
     trust = f"the match is doubtful (confidence {match.confidence:.2f}): {reason}"
     say(
         "warning",
-        f"{trust}; look at it with {look}, and give --landmarks where it goes wrong{where}",
+        f"{trust}; look at it with {look}, and where it goes wrong place landmarks with unbend "
+        f"view{where}, for --landmarks",
     )
 
 

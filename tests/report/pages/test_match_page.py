@@ -117,7 +117,7 @@ def test_a_doubtful_match_has_a_warning_above_it(
     assert ('<p class="band"' in html) == doubtful
     if doubtful:
         assert "its confidence is 0.21" in html
-        assert "place one to three landmarks" in html
+        assert "place one to three landmarks, as with unbend view, and match again" in html
         assert "menu Map" in match_page(blob, blob, replace(one, alternatives=(one,))).html
         assert "menu Map" not in html
 

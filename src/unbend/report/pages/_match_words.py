@@ -23,8 +23,8 @@ def doubt(match: Match | None) -> str:
     return (
         f"This match is doubtful: its confidence is {match.confidence:.2f}. Look whether the same "
         "places have the same colour. If they do not, place one to three landmarks"
-        f"{where_landmarks_help(match.landmark_hints)} and match again, or take another map "
-        f"{others}."
+        f"{where_landmarks_help(match.landmark_hints)}, as with unbend view, and match again, or "
+        f"take another map {others}."
     )
 
 
