@@ -291,6 +291,15 @@ def test_shapes_may_be_in_the_folder_that_is_written_to(own: tuple[Collection, P
         register_files([str(out)], str(out / "template.obj"), str(out))
 
 
+def test_the_template_in_the_folder_that_is_written_to_is_never_a_shape(tmp_path: Path) -> None:
+    for name in ("template.ply", "scan.ply"):
+        write_mesh(tmp_path / name, TEMPLATE)
+    given = [str(tmp_path)], str(tmp_path / "template.ply"), str(tmp_path)
+    done = register_files(*given)
+    assert [(one.path, one.also) for one in done.shapes] == [(str(tmp_path / "scan.ply"), ())]
+    assert register_files(*given).shapes == done.shapes
+
+
 def test_warnings_of_a_shape_are_told_and_stay_in_the_table(tmp_path: Path) -> None:
     write_mesh(tmp_path / "template.ply", TEMPLATE)
     pieces = np.vstack([TEMPLATE.vertices, TEMPLATE.vertices[:3] + 9])

@@ -95,11 +95,11 @@ def register_files(
 ) -> Registered:
     """Register a template to files, in this process; identical files are one shape.
 
-    Those that were written to `out` before are left out.
+    The template in `out` and those that were written there before are left out.
     """
     warn_of_others(paths)
     folder = Path(os.path.abspath(out))
-    written = registered_stems(folder)
+    written = {"template", *registered_stems(folder)}  # at first too: later runs tell the same
     scans = (
         path
         for path in find_files(paths)
