@@ -123,7 +123,7 @@ def transfer(work: Work, values: Sequence[str] | None = None, column: str | None
         )
         return work.result(f"{name} on {target.name}", command, python, facts)
     array, names = io.read_named_values(path, n_vertices=source.n_vertices, name=column)
-    kind = correspondence.value_kind(array, "uv" if names == ["uv_0", "uv_1"] else "auto")
+    kind = correspondence.value_kind(array, names=names)
     carried = correspondence.transfer(array, found, kind=kind, source=source, target=target)
     drawable = kind == "color" or array.ndim == 1
     suffixes = [".csv", ".npy"]

@@ -69,6 +69,7 @@ def similarity(
         forms.append(make_form(shape, n_components=n_components, **kind))
     pairs: list[tuple[str, str, float, float | None]] = []
     square = [[1.0] * len(paths) for _ in paths]
+    doubts: list[list[str]] = [[] for _ in paths]
     for i, j in itertools.combinations(range(len(paths)), 2):
         if i and not matrix:
             break
@@ -87,11 +88,13 @@ def similarity(
             given["areas"] = tuple(unbend.mesh.vertex_areas(shapes[k]) for k in (i, j))
             confidence = given["match"].confidence
             if matrix and is_doubtful(confidence):  # a matrix has values alone
-                note = f"{both}: doubtful match, confidence {confidence:.2f}"
-                shapes[i] = replace(shapes[i], notes=(*shapes[i].notes, note))
+                doubts[i].append(f"{both}: doubtful match, confidence {confidence:.2f}")
         value = unbend.similarity(forms[i], forms[j], **given)
         square[i][j] = square[j][i] = value
         pairs.append((paths[i], paths[j], value, confidence))
+    for i, some in enumerate(doubts):
+        if some:
+            shapes[i] = replace(shapes[i], notes=(*shapes[i].notes, *some))
     # With --matrix these pairs are not all, and are not shown.
     ranked = sorted(zip(shapes[1:], pairs, strict=False), key=lambda one: -round(one[1][2], 9))
     if csv is not None:

@@ -58,9 +58,7 @@ def transfer(
         labels, array = io.read_markups(values, a)
     else:
         array, names = io.read_named_values(values, n_vertices=a.n_vertices, name=property_name)
-        if kind == "auto" and names == ["uv_0", "uv_1"]:
-            kind = "uv"
-        chosen = unbend.correspondence.value_kind(array, kind)
+        chosen = unbend.correspondence.value_kind(array, kind, names)
         io.check_storable(out, array, chosen)
     found = read_or_match(shapes, matching)
     if isinstance(found, unbend.Match):

@@ -73,8 +73,11 @@ def _walk(folder: str, suffixes: tuple[str, ...] = _SUFFIXES) -> Iterator[str]:
             continue
         seen.add(place)
         folders[:] = sorted(name for name in folders if not name.startswith("."))
-        names = [name for name in sorted(files) if name.lower().endswith(suffixes)]
-        names = [name for name in names if not name.startswith(".")]
+        names = [
+            name
+            for name in sorted(files)
+            if not name.startswith(".") and name.lower().endswith(suffixes)
+        ]
         written = registered_stems(here)
         others = [name for name in names if Path(name).stem not in written]
         for name in others if others or here != folder else names:

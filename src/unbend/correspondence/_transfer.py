@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, cast, get_args
 
 import numpy as np
@@ -198,12 +199,17 @@ def as_point_map(
     return images if target is None else checked_map(images, target.n_vertices, "the map")
 
 
-def value_kind(array: npt.NDArray[Any], kind: str = "auto") -> ValueKind:
-    """Decide how values are carried, see :func:`transfer`: never ``"auto"``."""
+def value_kind(array: npt.NDArray[Any], kind: str = "auto", names: Sequence[str] = ()) -> ValueKind:
+    """Decide how values are carried, see :func:`transfer`: never ``"auto"``.
+
+    ``names`` are those of columns that :func:`unbend.io.read_named_values` gives.
+    """
     if kind not in get_args(ValueKind):
         raise InputError(f"kind must be one of {', '.join(get_args(ValueKind))}, not {kind!r}")
     if kind != "auto":
         return cast(ValueKind, kind)
+    if list(names) == ["uv_0", "uv_1"]:
+        return "uv"
     if array.dtype.kind == "f":
         known = array[~np.isnan(array)]
         whole = len(known) > 0 and (np.isfinite(known) & (known == np.rint(known))).all()

@@ -17,7 +17,7 @@ PATCH = 0.08
 # How hypotheses are made.
 N_VERTICES = (400, 1000)  # Of the coarse and medium copies of a shape, on which they are tried.
 FUNCTIONS = (6, 20)  # Eigenfunctions with which the search begins, every sign tried, and ends.
-# Hypotheses that a stage keeps, or half of them. Four times as many are begun, and more of parts.
+# Hypotheses that a stage keeps, or twice as many. Four times as many are begun, and more of parts.
 BEAM = 4
 SAMPLES = 300  # Points that represent a shape, far apart.
 N_EXTREMITIES = 10  # Extremities of a shape at most, the most remote first.

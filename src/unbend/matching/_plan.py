@@ -295,7 +295,7 @@ def precompute(shape: Shape, data_weights: tuple[float, ...]) -> None:
 
 PLAN = [
     Step(COARSE, from_spectra, BEAM),
-    Step(COARSE, from_extremities, 2 * BEAM),
+    Step(COARSE, from_extremities, BEAM),
     Step(COARSE, from_motions, 2 * BEAM, for_parts=True),
     Step(COARSE, from_forms, 2 * BEAM, for_parts=True),
     Step(MEDIUM, relaxed, BEAM, for_parts=True),
