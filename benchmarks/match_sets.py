@@ -8,6 +8,8 @@ FOLDER holds copies of public repositories under their own names:
     becos-code                            animals and people of TOSCA (Ehm et al. 2025)
     Hyperspectral-Inverse-Skinning        animations and poses that share their vertices
     Intrinsic-Symmetry-Curve-Generation-  SHREC'07, with points marked by hand (Kim et al. 2011)
+    SSC-MorphVQ                           mandibles of mice, with landmarks (Thomas 2024)
+    Mouse_Models                          skulls of mice, with landmarks (Zhang et al. 2022)
     tosca_remeshed                        23 of those TOSCA shapes and their pairs (CONTRIBUTING.md)
 
 A set is a function of the folder, a seed and a number of pairs; it lists what draws its cases.
@@ -19,8 +21,12 @@ from extra_sets import extras
 from match_cases import Set
 from own_sets import HARM, bodies, different
 from part_sets import HELD_OUT, KNOWN, parts
-from public_sets import SHREC07, all_pairs, listed, sequences, shrec07, shrec19
+from public_sets import SHREC07, all_pairs, listed, sequences, shrec07, shrec19, specimens
 
+MANDIBLES = "SSC-MorphVQ/data/MMD_12K_TEST/raw/mandible_ply/*_Model.ply"
+MANDIBLE_LANDMARKS = (
+    "SSC-MorphVQ/post_processing/TEST_DATASET_GROUND_TRUTH_LANDMARKS/*_Landmarks_GT.fcsv"
+)
 SGA18 = "SGA18_orientation_BCICP_dataset/Dataset/{}/vtx_5k"
 SETS: dict[str, Set] = {
     "faust": listed(SGA18.format("FAUST"), "../test_pairs.txt"),
@@ -35,6 +41,8 @@ SETS: dict[str, Set] = {
     "shrec07": shrec07(*SHREC07),
     "shrec07-halves": shrec07("human", "teddy", "armadillo", "fourleg", half=True),
     "sequences": sequences,
+    "mandibles": specimens(MANDIBLES, MANDIBLE_LANDMARKS),
+    "skulls": specimens("Mouse_Models/Models/*.ply", "Mouse_Models/LMs/*.mrk.json"),
     "species": species(True),
     "species-parts": species(False),
     "parts": parts(KNOWN, two_kinds=False),

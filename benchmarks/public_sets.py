@@ -1,6 +1,7 @@
 """Sets of public shapes, read from a folder that benchmarks/match_sets.py describes."""
 
 import functools
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from testshapes.damage import Damaged, cut
 from unbend import Mesh, read_mesh
 from unbend._types import IntArray
+from unbend.io import read_markup_pairs
 
 # Sets with lists of corresponding vertices: row i of NAME.vts is one point on every shape.
 
@@ -151,6 +153,34 @@ def marked_pair(data: Path, kind: str, one: int, other: int, n_vertices: int) ->
     truth, back = (np.full(part.mesh.n_vertices, -1) for part in left)
     truth[rows], back[images] = images, rows
     return Pair(f"{kind} {one} {other}", left[0].mesh, left[1].mesh, truth, back)
+
+
+# Mouse skulls some vertices of which have no place.
+_NOWHERE = {"B6FVBF1", "CAF1_J", "FVB_NJ", "MRL_MPJ", "NOD_SHILTJ", "TALLYHO_JNGJ", "WSB"}
+
+
+def specimens(meshes: str, landmarks: str) -> Set:
+    """Make a set of pairs of specimens, on which landmarks were placed in 3D Slicer.
+
+    Both are paths of files, with an asterisk for the name of a specimen.
+    """
+
+    def draws(data: Path, seed: int, count: int | None) -> list[Draw]:
+        before, _, after = meshes.partition("*")
+        paths = [path.relative_to(data).as_posix() for path in data.glob(meshes)]
+        names = {path.removeprefix(before).removesuffix(after) for path in paths} - _NOWHERE
+        pairs = itertools.combinations(sorted(names), 2)
+        case = functools.partial(specimen_case, str(data / meshes), str(data / landmarks))
+        return [functools.partial(case, *two) for two in chosen(pairs, seed, count)]
+
+    return draws
+
+
+def specimen_case(meshes: str, landmarks: str, *names: str) -> Case:
+    """Read two specimens, and the vertices at the landmarks that both have."""
+    one, other = (read_mesh(meshes.replace("*", name)) for name in names)
+    paths = [landmarks.replace("*", name) for name in names]
+    return of_rows(" ".join(names), one, other, *read_markup_pairs(paths, one, other).T)
 
 
 SUFFIXES = (".obj", ".off", ".ply", ".stl")

@@ -15,6 +15,7 @@ import unbend.matching
 from testshapes.damage import cut_discs, damaged_truth, unchanged
 from unbend import write_mesh
 from unbend.datasets import make_biped, make_quadruped, make_sphere, rest_map
+from unbend.io import write_markups
 
 FOLDER = Path(__file__).parents[1] / "benchmarks"
 pytestmark = pytest.mark.skipif(
@@ -173,6 +174,18 @@ def test_the_truth_between_two_simplified_poses_keeps_parts_together(script, pos
     edges = np.linalg.norm(case.target.vertices[case.target.faces[:, 0]]
                            - case.target.vertices[case.target.faces[:, 1]], axis=1)  # fmt: skip
     assert np.linalg.norm(there[:, 0] - there[:, 1], axis=1).mean() < 2 * edges.mean()
+
+
+def test_specimens_are_paired_by_the_labels_of_their_landmarks(script, tmp_path):
+    ball = make_sphere(1)
+    for name, vertices, labels in (("a", [3, 7], ["x", "y"]), ("b", [9, 5], ["y", "x"])):
+        write_mesh(tmp_path / f"{name}_bone.ply", ball)
+        write_markups(tmp_path / f"{name}.mrk.json", ball, vertices, labels)
+    (draw,) = script("public_sets").specimens("*_bone.ply", "*.mrk.json")(tmp_path, 0, None)
+    case = draw()
+    assert case.name == "a b"
+    np.testing.assert_array_equal(case.rows, [3, 7])
+    np.testing.assert_array_equal(case.images, [5, 9])
 
 
 def test_truth_files_are_read_and_put_together(script, tmp_path):

@@ -88,6 +88,20 @@ def test_a_part_is_what_is_said_to_be_one_and_ends_along_a_rim_that_is_not_tiny(
         assert make_shape(points, ball.faces[1:], *pairs, partial=True).partial == partial
 
 
+def test_many_pinholes_are_no_place_where_a_part_was_cut_off() -> None:
+    ball = make_sphere(4)
+    used, pinholes = set[int](), []
+    for i, corners in enumerate(ball.faces):
+        if len(pinholes) < 30 and used.isdisjoint(corners):
+            used.update(corners)
+            pinholes.append(i)
+    pairs = [np.ones(ball.n_vertices), np.arange(4.0), np.ones((ball.n_vertices, 4))]
+    beside = int(np.flatnonzero(np.isin(ball.faces, ball.faces[0]).sum(axis=1) == 2)[0])
+    for left_out, partial in ((pinholes, False), ([*pinholes, beside], True)):
+        rest = np.delete(ball.faces, left_out, axis=0)
+        assert make_shape(ball.vertices, rest, *pairs, partial=True).partial == partial
+
+
 def test_a_square_ends_along_its_four_sides_if_it_is_a_part() -> None:
     side = 6
     part, whole = (prepare_shape(make_sheet(side), 10, partial=one).shape for one in (True, False))

@@ -19,7 +19,7 @@ from unbend.alignment import OrientedSurface, farthest_points
 from unbend.deformation import ElasticSurface, cached
 from unbend.linalg.signs import fix_signs
 from unbend.matching import _constants as constants
-from unbend.mesh import face_normals, find_edges, vertex_normals
+from unbend.mesh import face_normals, find_edges, label_linked, vertex_normals
 from unbend.mesh.decimation import decimate
 
 # Eigenvalues below this (unit area) are taken to be this: an extremely long or nearly pinched
@@ -207,8 +207,8 @@ def make_shape(
 ) -> Shape:
     """Normalise to unit area.
 
-    The eigenpairs are those at unit area, the constant's first. What may be ``partial`` is if its
-    boundary is long enough.
+    The eigenpairs are those at unit area, the constant's first. What may be ``partial`` is if a
+    connected piece of its boundary is long enough, not if all its tiny holes together are.
     """
     total = np.linalg.norm(face_normals(vertices, faces), axis=1).sum() / 2
     weights = areas / areas.sum()
@@ -221,7 +221,10 @@ def make_shape(
         basis=np.ascontiguousarray(eigenfunctions[:, 1:]),
         partial=partial,
     )
-    return shape if shape.boundary_length > constants.PATCH else replace(shape, partial=False)
+    start, end, _ = shape.boundary_edges.T
+    lengths = np.linalg.norm(points[start] - points[end], axis=1)
+    pieces = np.bincount(label_linked((start, end), len(points))[start], lengths)
+    return shape if pieces.max(initial=0) > constants.PATCH else replace(shape, partial=False)
 
 
 class Proxy(NamedTuple):
