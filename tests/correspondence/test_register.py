@@ -249,6 +249,18 @@ def test_parts_without_a_partner_stay_where_they_belong() -> None:
         assert np.linalg.norm(found[middle] - center) < 0.5 * rest.mean()
 
 
+@pytest.mark.parametrize("radius", [0, 1e-9])
+def test_a_speck_goes_along(radius: float) -> None:
+    # Surfaces of CT scans have them: components whose vertices lie in one place, or nearly.
+    ball = make_sphere(0)
+    speck = TEMPLATE.mesh.vertices[17] + radius * ball.vertices
+    template = np.vstack([TEMPLATE.mesh.vertices, speck]), np.vstack([FACES, ball.faces + 1000])
+    found = register(template, POSED.mesh, np.append(EVERY, np.full(12, 17))).mesh.vertices
+    np.testing.assert_allclose(found[1000:], found[[17] * 12], atol=1e-3)
+    off = np.linalg.norm(found[:1000] - POSED.mesh.vertices, axis=1)
+    assert off.max() < 0.5 * mean_edge(POSED.mesh)
+
+
 def test_onto_points_it_lies_on_their_surface() -> None:
     cloud = sample_points(SCAN.mesh, 3000, random_state=0)
     match = cloud.image[TRUTH]

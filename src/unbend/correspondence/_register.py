@@ -21,6 +21,7 @@ from unbend.matching import Match, warn_of_disorder
 from unbend.matching import match as find_match
 from unbend.mesh import (
     Mesh,
+    find_components,
     has_earlier_twin,
     orient_consistently,
     used_vertices,
@@ -29,6 +30,7 @@ from unbend.mesh import (
 from unbend.preparation import surface_of_points
 
 _COVERED = 0.1  # mean edges that a vertex on the scan may lie off it
+_SPECK = 1e-6  # of the area, of a component too small to deform: it follows what is nearest
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,18 +139,20 @@ def register(
         images = np.where(images < 0, -1, points.vertex_of_point[images])
         scan = points.mesh
     used = np.unique(template.faces)
-    matched = np.isin(images[used], scan.faces)
+    rest, faces = template.vertices[used], np.searchsorted(used, _oriented(template))
+    areas = vertex_areas(template)[used]
+    area = float(areas.sum())
+    if not 0 < area < np.inf:
+        raise MeshError(f"{template.name}: its area is {area:g}; give coordinates in another unit")
+    parts = find_components(faces, len(used)).of_vertex
+    large = (np.bincount(parts, areas) > _SPECK * area)[parts]
+    matched = np.isin(images[used], scan.faces) & large
     if matched.sum() < 4:
         raise InputError(
             f"fewer than 4 vertices of {template.name} have a partner on {scan.name}, "
             "too few to register it"
         )
     goal = goal[used]
-    rest, faces = template.vertices[used], np.searchsorted(used, _oriented(template))
-    areas = vertex_areas(template)[used]
-    area = float(areas.sum())
-    if not 0 < area < np.inf:
-        raise MeshError(f"{template.name}: its area is {area:g}; give coordinates in another unit")
     # In units in which the template, scaled to the scan, has unit area.
     size = np.sqrt(area) * _scale(rest, goal, matched, faces)
     middle = goal[matched].mean(axis=0)
