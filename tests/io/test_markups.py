@@ -20,7 +20,7 @@ CUBE = Mesh(
 
 
 def mrk(*points, axes="LPS") -> str:
-    keys = ("label", "position", "description")
+    keys = ("label", "position", "description", "positionStatus")
     controls = [dict(zip(keys, point, strict=False)) for point in points]
     return json.dumps({"markups": [{"coordinateSystem": axes, "controlPoints": controls}]})
 
@@ -95,7 +95,9 @@ def test_fcsv(tmp_path: Path, axes: str | None, sign: int) -> None:
     ("text", "problem"),
     [
         (mrk(("nose", [3, 3.2, 1])), "'nose' is 0.2 from mesh, more than 3 %"),
-        (mrk(("nose", [3, 3, float("nan")])), "'nose' is inf from mesh"),
+        (mrk(("nose", [3, 3, float("nan")])), "'nose' has no position: place it, or delete it"),
+        (mrk(("nose", [3, 3, 3], "", "undefined")), "'nose' has no position"),
+        (mrk(("nose", [3, 3, 3], "", "missing")), "'nose' has no position"),
         (mrk(("nose", [9, 9, 9], "vertex 5")), "'nose' is 10.4 from mesh"),
         (mrk(("nose", [0, 0, 0], "vertex 9")), "'nose' is vertex 9, but mesh has 9"),
         (mrk(("nose", [0, 0])), "not a landmark file"),

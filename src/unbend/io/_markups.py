@@ -81,7 +81,9 @@ def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
         if not points:
             raise FileError("holds no points")
         for label, description, position in points:
-            distance, nearest = tree.query(position) if np.isfinite(position).all() else (np.inf, 0)
+            if not np.isfinite(position).all():
+                raise FileError(f"point {label!r} has no position: place it, or delete it")
+            distance, nearest = tree.query(position)
             vertex = int(there[nearest])
             number = re.fullmatch(r"vertex (\d{1,18})", description)
             described = int(number[1]) if number else -1
@@ -194,7 +196,9 @@ def _mrk_json(data: bytes) -> list[_Point]:
         _point(
             point.get("label", ""),
             point.get("description", ""),
-            point["position"] if point.get("positionStatus") != "undefined" else [np.nan] * 3,
+            point["position"]
+            if point.get("positionStatus", "defined") == "defined"
+            else [np.nan] * 3,
             markup.get("coordinateSystem", "LPS"),
         )
         for markup in json.loads(data)["markups"]

@@ -102,8 +102,8 @@ class Landmarks {
     let points;
     try {
       points = JSON.parse(text).markups.flatMap(({ coordinateSystem, controlPoints }) => controlPoints.map(
-        ({ label = "", description = "", position, positionStatus }) => ({
-          name: label, description, place: [0, 1, 2].map((k) => (positionStatus === "undefined" ? NaN
+        ({ label = "", description = "", position, positionStatus = "defined" }) => ({
+          name: label, description, place: [0, 1, 2].map((k) => (positionStatus !== "defined" ? NaN
             : coordinateSystem === "RAS" && k < 2 ? -position[k] : position[k])),
         })));
     } catch {
@@ -117,7 +117,7 @@ class Landmarks {
       let vertex = described && +described[1];
       if (described) this.check(vertex, side);
       const apart = described ? Math.hypot(...row(places, seen(vertex)).map((x, k) => x - place[k])) : Infinity;
-      if (apart > MOVED * size) {
+      if (!(apart <= MOVED * size)) {
         vertex = this.nearest(name, place, side);
         if (described) moved++;
       }
