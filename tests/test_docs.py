@@ -19,6 +19,7 @@ from unbend import write_mesh
 from unbend.cli import app
 from unbend.collection import _collection, _engine
 from unbend.datasets import make_biped, make_quadruped
+from unbend.io import write_markups
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -46,6 +47,8 @@ def folder(tmp_path, monkeypatch):
     for i, name in enumerate(("template", "anna", "ben", "eve")):
         body = make_biped("standing", n_vertices=500, girth=1 + 0.1 * i)
         write_mesh(tmp_path / f"{name}.ply", body.mesh)
+        ends = body.mesh.vertices.argmax(axis=0)[:2]
+        write_markups(tmp_path / f"{name}.mrk.json", body.mesh, ends, ["left hand", "head"])
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
