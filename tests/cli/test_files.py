@@ -165,6 +165,16 @@ def test_landmarks_are_carried_and_lead_a_match(folder: Path) -> None:
     assert "--landmarks takes one .csv file" in done.stderr
 
 
+def test_landmarks_without_a_partner_are_named_and_not_counted(folder: Path) -> None:
+    write_markups("a.mrk.json", SOURCE, [3, 500, 77], ["nose", "tail", "paw"])
+    write_map("torn.csv", np.where(SAME == 500, -1, SAME))
+    line = ["transfer", "a.ply", "b.ply", "--map", "torn.csv", "--values", "a.mrk.json"]
+    done = right(*line, "-o", "b.mrk.json")
+    assert "landmark tail corresponds to no vertex of b.ply" in done.stderr
+    assert "2 values (landmarks)" in done.stdout
+    assert read_markups("b.mrk.json", TARGET)[0] == ["nose", "paw"]
+
+
 def test_a_map_of_other_meshes_is_refused(folder: Path) -> None:
     found = Match(SAME, SAME, np.eye(3), 1.0, 0.0, 0.55)
     write_match("map.npz", found, source=SOURCE, target=TARGET)

@@ -70,10 +70,10 @@ def transfer(
     if expected_error is not None and errors is None:
         raise InputError(f"{matching.map} has no expected errors; leave out --map to match")
     if is_markup:
-        carried = forward[array]
-        there = np.flatnonzero(carried >= 0)
-        io.write_markups(out, b, carried[there], [labels[i] for i in there])
-        for i in np.flatnonzero(carried < 0):
+        images = forward[array]
+        carried = images[images >= 0]
+        io.write_markups(out, b, carried, [labels[i] for i in np.flatnonzero(images >= 0)])
+        for i in np.flatnonzero(images < 0):
             output.say("note", f"landmark {labels[i]} corresponds to no vertex of {b.name}")
     else:
         carried = unbend.transfer(array, found, kind=chosen, source=a, target=b)
