@@ -208,6 +208,9 @@ def test_meshes_must_be_those_of_the_match(blob: Mesh) -> None:
     lying = _match([0, 1, 2], [0, 1, 2], np.array([1, 1, 1]), np.eye(3))
     with pytest.raises(InputError, match="names faces"):
         positions_on_target(lying, small)
+    for faces in (blob.faces[::-1], blob.faces[1:]):  # its vertices are as they were
+        with pytest.raises(InputError, match="in another order"):
+            positions_on_target(_identity(blob), Mesh(blob.vertices, faces))
 
 
 def test_places_on_the_target_are_vertices_or_within_faces() -> None:

@@ -132,9 +132,16 @@ def positions_on_target(
     images = as_point_map(match, source, target)
     positions = np.where(images[:, None] >= 0, target.vertices[images], np.nan)
     if isinstance(match, Match) and match.faces is not None and match.weights is not None:
-        if match.faces.max(initial=-1) >= target.n_faces:
-            raise InputError(f"the match names faces that {target.name} does not have")
         there = match.faces >= 0
+        named = match.faces[there]
+        if (
+            named.max(initial=-1) >= target.n_faces
+            or not (target.faces[named] == images[there, None]).any(axis=1).all()
+        ):
+            raise InputError(
+                f"the match names faces that {target.name} does not have, or has in another order: "
+                "match again"
+            )
         weights = match.weights[there]
         wrong = ~(np.abs(weights.sum(axis=1) - 1) <= _ROUNDING)
         if wrong.any():
@@ -143,7 +150,7 @@ def positions_on_target(
                 f"the match's weights in row {row} sum to {match.weights[row].sum():g}: give "
                 "barycentric coordinates, which sum to one"
             )
-        corners = target.vertices[target.faces[match.faces[there]]]
+        corners = target.vertices[target.faces[named]]
         positions[there] = np.einsum("ij,ijk->ik", weights, corners)
     return positions
 
