@@ -44,7 +44,7 @@ def folder(tmp_path, monkeypatch):
         path = tmp_path / f"{name}{'.obj' if 'models' in name else '.ply'}"
         path.parent.mkdir(parents=True, exist_ok=True)
         write_mesh(path, make_quadruped(pose, n_vertices=500).mesh)
-    for i, name in enumerate(("template", "anna", "ben", "eve")):
+    for i, name in enumerate(("template", "anna", "ben", "eve", "left")):
         body = make_biped("standing", n_vertices=500, girth=1 + 0.1 * i)
         write_mesh(tmp_path / f"{name}.ply", body.mesh)
         ends = body.mesh.vertices.argmax(axis=0)[:2]
