@@ -175,11 +175,14 @@ def test_a_vtk_file_is_read_with_meshio(tmp_path: Path) -> None:
     mesh = read_mesh(tmp_path / "a.vtk")
     np.testing.assert_array_equal(mesh.faces, FACES)
     assert mesh.notes[0] == "read by meshio"
-    (tmp_path / "a.vtk").write_text("# vtk DataFile Version 4.2\na\nASCII\nDATASET POLYDATA\n")
-    with pytest.raises(FileError, match=r"does not read VTK's POLYDATA; save it as \.vtu"):
-        read_mesh(tmp_path / "a.vtk")
     (tmp_path / "a.vtk").write_text("nothing")
     with pytest.raises(FileError, match="meshio cannot read it"):
+        read_mesh(tmp_path / "a.vtk")
+
+
+def test_polydata_is_refused_with_and_without_meshio(tmp_path: Path) -> None:
+    (tmp_path / "a.vtk").write_text("# vtk DataFile Version 4.2\na\nASCII\nDATASET POLYDATA\n")
+    with pytest.raises(FileError, match=r"a.vtk: VTK's POLYDATA cannot be read; save it as \.ply"):
         read_mesh(tmp_path / "a.vtk")
 
 

@@ -91,6 +91,8 @@ def _from_polygons(points: Any, sizes: npt.ArrayLike, corners: npt.NDArray[Any])
 def read_foreign(path: Path, data: bytes) -> Contents:
     """Read a file with trimesh or meshio, and say so in the notes."""
     suffix = path.suffix.lower()
+    if suffix == ".vtk" and re.search(rb"^DATASET\s+POLYDATA", data[:999], re.MULTILINE):
+        raise FileError("VTK's POLYDATA cannot be read; save it as .ply")
     program = "trimesh" if suffix in _TRIMESH else "meshio"
     if find_spec(program) is None:
         raise MissingExtraError(program)
@@ -99,8 +101,6 @@ def read_foreign(path: Path, data: bytes) -> Contents:
             return _by_trimesh(suffix, data)
         import meshio
 
-        if suffix == ".vtk" and re.search(rb"^DATASET\s+POLYDATA", data[:999], re.MULTILINE):
-            raise FileError("meshio does not read VTK's POLYDATA; save it as .vtu or .ply")
         given = meshio.read(path)
         mesh = mesh_of(given)
         assert mesh is not None
