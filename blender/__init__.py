@@ -46,7 +46,7 @@ def find_match(source, target, progress=None) -> unbend.Match:
             del _matches[next(iter(_matches))]
     found, said = _matches[key]
     for text in said:  # landmarks have names here, not rows
-        named = re.sub(r"\blandmark (\d+)", lambda row: f'"{names[int(row[1])]}"', text)
+        named = re.sub(r"\blandmark (\d+) \(.*?\)", lambda row: f'"{names[int(row[1])]}"', text)
         warnings.warn(named, UnbendWarning, stacklevel=2)
     return found
 

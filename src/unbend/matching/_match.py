@@ -153,11 +153,11 @@ def match(
     ours, theirs = prepare_shapes((source, target), n_eigenpairs, torn)
     if progress is not None:
         progress("spectrum", 1.0)
-    if landmarks is not None:
-        ours, theirs = (
-            one._replace(shape=replace(one.shape, landmarks=one.local(vertices)))
-            for one, vertices in zip((ours, theirs), landmark_pairs(landmarks).T, strict=True)
-        )
+    pairs = np.empty((0, 2), np.int64) if landmarks is None else landmark_pairs(landmarks)
+    ours, theirs = (
+        one._replace(shape=replace(one.shape, landmarks=one.local(vertices)))
+        for one, vertices in zip((ours, theirs), pairs.T, strict=True)
+    )
     sides = make_sides(ours.shape, theirs.shape)
     found = candidates(sides, progress)
     turned = candidates(sides.reflected(), progress) if mirrored or allow_mirror else []
@@ -204,7 +204,8 @@ def match(
         other = finished(turned[0], fine)[1].registered
         result = replace(result, mirrored=expand(other.forward, other.source.overlap, ours, theirs))
     for row in result.missed_landmarks:
-        warn(f"landmark {row} is ignored: it contradicts the best-fitting map")
+        one, other = pairs[row]
+        warn(f"landmark {row} (vertices {one} and {other}) is ignored: it contradicts the best map")
     warn_of_disorder(result)
     return result
 
