@@ -17,11 +17,13 @@ from unbend.io import read_mesh, read_values
 QUAD = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype="<f4")
 FACES = np.array([[0, 1, 2], [0, 2, 3]], dtype="<u4")
 SHARES = np.array([[0, 0], [65535, 0], [65535, 65535], [0, 65535]], dtype="<u2")
-_BYTES = QUAD.tobytes() + FACES.tobytes() + SHARES.tobytes()
+TO_BONE = np.diag([0.5, 2, 1, 1]) + np.eye(4, k=3) * 3  # by which bones know the mesh
+PARTS = [QUAD, FACES, SHARES, TO_BONE.T.astype("<f4")]  # matrices are stored by columns
+_BYTES = b"".join(part.tobytes() for part in PARTS)
 
 
 def document() -> dict[str, Any]:
-    sizes = [QUAD.nbytes, FACES.nbytes, SHARES.nbytes]
+    sizes = [part.nbytes for part in PARTS]
     starts = [0, *np.cumsum(sizes).tolist()]
     return {
         "asset": {"version": "2.0"},
@@ -32,6 +34,7 @@ def document() -> dict[str, Any]:
             {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
             {"bufferView": 1, "componentType": 5125, "count": 6, "type": "SCALAR"},
             {"bufferView": 2, "componentType": 5123, "count": 4, "type": "VEC2"},
+            {"bufferView": 3, "componentType": 5126, "count": 1, "type": "MAT4"},
         ],
         "bufferViews": [
             {"buffer": 0, "byteOffset": start, "byteLength": size}
@@ -107,14 +110,21 @@ def test_extensions_that_do_not_matter_to_the_shape_are_read(tmp_path: Path, nam
 
 
 @pytest.mark.parametrize("suffix", [".glb", ".gltf"])
-def test_meshes_with_bones_are_read_where_they_are_stored(tmp_path: Path, suffix: str) -> None:
+@pytest.mark.parametrize("bound", [True, False])
+def test_meshes_with_bones_are_where_the_first_bone_puts_them(
+    tmp_path: Path, suffix: str, bound: bool
+) -> None:
     given = document()
-    skinned = {"mesh": 0, "skin": 0, "scale": [100, 50, 100], "children": [0]}
-    given["nodes"] = [{"translation": [7, 0, 0], "children": [1]}, skinned]
-    given["skins"] = [{"joints": [0]}]
+    bone = {"translation": [7, 0, 0], "scale": [100, 100, 100], "children": [1, 2]}
+    skinned = {"mesh": 0, "skin": 0, "scale": [100, 50, 100], "children": [3]}
+    hat = {"mesh": 0, "translation": [0, 0, 1]}
+    given["nodes"] = [bone, skinned, hat, {}]
+    given["skins"] = [{"joints": [0], **({"inverseBindMatrices": 3} if bound else {})}]
     write(tmp_path / f"a{suffix}", given)
     mesh = read_mesh(tmp_path / f"a{suffix}")
-    np.testing.assert_array_equal(mesh.vertices, QUAD)
+    body = QUAD * [0.5, 2, 1] + [3, 0, 0] if bound else QUAD
+    places = np.vstack([QUAD + np.array([0, 0, 1]), body]) * 100 + [7, 0, 0]
+    assert sorted(mesh.vertices.tolist()) == sorted(places.tolist())
     assert "bones left out" in mesh.notes[1]
 
 

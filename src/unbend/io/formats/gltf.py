@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import re
 import struct
@@ -118,7 +119,7 @@ def readable(suffix: str, data: bytes) -> tuple[bytes, list[str]]:
     ):
         raise FileError("its data stand in other files: save it as .glb")
     _refuse(document)
-    notes = _without_coordinates(document) + _without_bones(document)
+    notes = _without_coordinates(document) + _without_bones(document, data[at + size + 8 :])
     if notes and suffix == ".gltf":
         data = json.dumps(document).encode()
     elif notes:
@@ -163,21 +164,19 @@ def _without_coordinates(document: dict[str, Any]) -> list[str]:
     return ["texture coordinates left out, since they are not stored as floats"] * found
 
 
-def _without_bones(document: dict[str, Any]) -> list[str]:
-    """Put meshes with bones at the root of the scene: the specification places them by bones."""
+def _without_bones(document: dict[str, Any], chunk: bytes) -> list[str]:
+    """Put meshes with bones where their first bone puts them: their own place does not count."""
     nodes = document.get("nodes", [])
-    scenes = document.get("scenes", [])
-    if not scenes or not any("skin" in one for one in nodes):
-        return []
-    scene = scenes[document.get("scene", 0)]
-    left, seen = list(scene.get("nodes", [])), set[int]()
-    while left:
-        if (at := left.pop()) in seen:
-            continue
-        seen.add(at)
-        left += nodes[at].get("children", [])
-    for at in sorted(seen):
-        if "skin" in nodes[at] and "mesh" in nodes[at]:
-            scene["nodes"].append(len(nodes))
-            nodes.append({"mesh": nodes[at].pop("mesh")})
-    return ["bones left out: the shape is where its vertices are stored, not where bones move it"]
+    placed = [one for one in nodes if "skin" in one and "mesh" in one]
+    for one in placed:
+        skin, node = document["skins"][one["skin"]], {"mesh": one.pop("mesh")}
+        if "inverseBindMatrices" in skin:
+            accessor = document["accessors"][skin["inverseBindMatrices"]]
+            view = document["bufferViews"][accessor["bufferView"]]
+            uri = document["buffers"][view["buffer"]].get("uri")
+            data = chunk if uri is None else base64.b64decode(uri.partition(",")[2])
+            start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+            node["matrix"] = np.frombuffer(data, "<f4", 16, start).tolist()
+        nodes[skin["joints"][0]].setdefault("children", []).append(len(nodes))
+        nodes.append(node)
+    return ["bones left out: the shape is the one that they move"] * bool(placed)
