@@ -214,6 +214,20 @@ def test_a_folder_stands_for_its_meshes(folder: Path) -> None:
     assert paths == [str(Path("scans", "t.off")), str(Path("scans", "old", "t.ply"))]
 
 
+def test_a_pattern_stands_for_the_files_that_match(folder: Path) -> None:
+    """As the warning of files left out of a folder says to, in quotes."""
+    (folder / "scans").mkdir()
+    for name in ("b.glb", "a.glb", "[c].glb"):
+        write_mesh(folder / "scans" / name, (VERTICES, FACES))
+    code, out, _ = check(str(Path("scans", "*.glb")), str(Path("scans", "[c].glb")), "--json")
+    assert code == 0
+    names = ["[c].glb", "a.glb", "b.glb", "[c].glb"]
+    assert [one["file"] for one in json.loads(out)["files"]] == [
+        str(Path("scans", name)) for name in names
+    ]
+    assert "there is no such file" in check("none*.glb")[2]
+
+
 def test_real_shapes(real_data: Path) -> None:
     path = real_data / "tosca_remeshed" / "david0.off"
     code, out, _ = check(str(path))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -45,15 +46,17 @@ def make_form(mesh: unbend.Mesh, **options: Any) -> unbend.canonical.CanonicalFo
 
 
 def expand_folders(paths: Sequence[str]) -> list[str]:
-    """Replace folders by the meshes in and below them, in order."""
+    """Replace folders by the meshes in and below them, and patterns by what matches, in order."""
     unbend.collection.warn_of_others(paths)
     found: list[str] = []
-    for path in paths:
-        if os.path.isdir(path):
-            inside = unbend.collection.find_files([path])
-            found += [os.path.join(path, os.path.relpath(one, path)) for one in inside]
-        else:
-            found.append(path)
+    for one in paths:
+        matches = [] if os.path.exists(one) else sorted(glob.glob(one, recursive=True))
+        for path in matches or [one]:
+            if os.path.isdir(path):
+                inside = unbend.collection.find_files([path])
+                found += [os.path.join(path, os.path.relpath(mesh, path)) for mesh in inside]
+            else:
+                found.append(path)
     return found
 
 
