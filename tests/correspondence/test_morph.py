@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from unbend import Mesh
+from testshapes.scanning import add_components
+from unbend import Match, Mesh
 from unbend.correspondence import morph
 from unbend.datasets import make_quadruped, make_sphere
 from unbend.errors import InputError
@@ -88,6 +89,23 @@ def test_a_component_without_an_image_stays_beside_the_rest_in_any_unit(
     images = np.append(np.arange(n), np.full(13, -1))
     found = morph(both, (scale * blob.vertices, blob.faces), images, 1).vertices
     np.testing.assert_allclose(found, scale * both.vertices, atol=1e-4 * scale)
+
+
+@pytest.mark.parametrize("t", [0.5, 1])
+def test_smaller_components_of_a_match_keep_their_form_beside_what_is_nearest(t: float) -> None:
+    body, pose = (make_quadruped(one, n_vertices=1000).mesh for one in ("standing", "galloping"))
+    whole = add_components(body, eyeballs=2, cloth=0, random_state=0)
+    matched = Match(whole.origin, np.arange(1000), np.eye(1), 1.0, 0.0, 1.0)
+    alone = morph(body, pose, np.arange(1000), t).vertices
+    found = morph(whole.mesh, pose, matched, t).vertices
+    np.testing.assert_allclose(found[:1000], alone, atol=3e-3)
+    for eye in (np.arange(1000, 1042), np.arange(1042, 1084)):
+        before = whole.mesh.vertices[eye]
+        middle = int(np.linalg.norm(body.vertices - before.mean(axis=0), axis=1).argmin())
+        radius = np.linalg.norm(before - body.vertices[middle], axis=1).mean()
+        radii = np.linalg.norm(found[eye] - found[eye].mean(axis=0), axis=1)
+        np.testing.assert_allclose(radii, radius, rtol=0.3)
+        assert np.linalg.norm(found[eye].mean(axis=0) - found[middle]) < 0.5 * radius
 
 
 def test_points_go_straight() -> None:

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from testshapes.bodies import make_body
 from testshapes.damage import cut_discs, damaged_truth
 from testshapes.scanning import add_components, sample_points, seen_from
-from unbend import Mesh, register
+from unbend import Match, Mesh, register
 from unbend.datasets import make_quadruped, make_sphere, rest_map
 from unbend.deformation import closest_faces
 from unbend.errors import InputError, MeshError
@@ -235,11 +235,15 @@ def test_vertices_that_no_face_uses_go_along() -> None:
     assert not found.covered[1000:].any()
 
 
-def test_parts_without_a_partner_stay_where_they_belong() -> None:
+@pytest.mark.parametrize("matched", [False, True])
+def test_parts_without_a_partner_stay_where_they_belong(matched: bool) -> None:
     whole = add_components(TEMPLATE.mesh, eyeballs=2, cloth=0, random_state=0)
     eyes = np.arange(1000, whole.mesh.n_vertices)
-    match = np.append(TRUTH, np.full(len(eyes), -1))
-    found = register(whole.mesh, SCAN.mesh, match).mesh.vertices
+    images = np.append(TRUTH, np.full(len(eyes), -1))
+    # In a match, smaller components have the partners of what is nearest to them.
+    back = np.zeros(SCAN.mesh.n_vertices, dtype=np.int64)
+    found = Match(TRUTH[whole.origin], back, np.eye(1), 1.0, 0.0, 1.0)
+    found = register(whole.mesh, SCAN.mesh, found if matched else images).mesh.vertices
     for eye in (eyes[:42], eyes[42:]):  # each as round and as far from its place as before
         center, before = found[eye].mean(axis=0), whole.mesh.vertices[eye].mean(axis=0)
         radii = np.linalg.norm(found[eye] - center, axis=1)

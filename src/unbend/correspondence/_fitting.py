@@ -56,7 +56,7 @@ class Fit:
     ) -> None:
         parts = find_components(surface.faces, len(goal)).of_vertex
         self.unmatched = ~np.isin(parts, parts[matched])
-        surface = self.surface = _joined(surface, self.unmatched)
+        surface = self.surface = joined(surface, self.unmatched)
         self.matched = matched
         self.goal = np.where(matched[:, None], goal, 0.0)
         self.own = make_target(surface.vertices, surface.faces)
@@ -190,7 +190,7 @@ class Fit:
         return vertex_normals(places, self.surface.faces)
 
 
-def _joined(surface: ElasticSurface, unmatched: BoolArray) -> ElasticSurface:
+def joined(surface: ElasticSurface, unmatched: BoolArray) -> ElasticSurface:
     """Join components without a match to the nearest of the others, which they then follow."""
     if not unmatched.any():
         return surface

@@ -146,13 +146,13 @@ def register(
         raise MeshError(f"{template.name}: its area is {area:g}; give coordinates in another unit")
     parts = find_components(faces, len(used)).of_vertex
     large = (np.bincount(parts, areas) > _SPECK * area)[parts]
-    matched = np.isin(images[used], scan.faces) & large
+    goal = goal[used]
+    matched = np.isin(images[used], scan.faces) & large & np.isfinite(goal).all(axis=1)
     if matched.sum() < 4:
         raise InputError(
             f"fewer than 4 vertices of {template.name} have a partner on {scan.name}, "
             "too few to register it"
         )
-    goal = goal[used]
     # In units in which the template, scaled to the scan, has unit area.
     size = np.sqrt(area) * _scale(rest, goal, matched, faces)
     middle = goal[matched].mean(axis=0)

@@ -15,7 +15,7 @@ from unbend.deformation import closest_faces
 from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh, checked_map, invert_map
 from unbend.matching import Match, warn_of_disorder
-from unbend.mesh import Mesh, faces_around
+from unbend.mesh import Mesh, faces_around, find_components
 
 _GREY = 128
 _ROUNDING = 1e-6  # by which barycentric coordinates may miss a sum of one
@@ -126,8 +126,10 @@ def positions_on_target(
 ) -> FloatArray:
     """Where each source vertex lies on the target, (n_source, 3), NaN where there is no image.
 
-    Barycentric coordinates are used where the match has them. Raises InputError if the match does
-    not fit the meshes, or its barycentric coordinates do not sum to one.
+    Smaller components of the source have none in a match: their partners are those of what is
+    nearest to them, where they would fall together. Barycentric coordinates are used where the
+    match has them. Raises InputError if the match does not fit the meshes, or its barycentric
+    coordinates do not sum to one.
     """
     images = as_point_map(match, source, target)
     positions = np.where(images[:, None] >= 0, target.vertices[images], np.nan)
@@ -152,6 +154,8 @@ def positions_on_target(
             )
         corners = target.vertices[target.faces[named]]
         positions[there] = np.einsum("ij,ijk->ik", weights, corners)
+    if isinstance(match, Match) and source is not None:
+        positions[find_components(source.faces, source.n_vertices).of_vertex > 0] = np.nan
     return positions
 
 
