@@ -137,10 +137,13 @@ def _primitives(document: dict[str, Any]) -> list[dict[str, Any]]:
 
 def _refuse(document: dict[str, Any]) -> None:
     for name in document.get("extensionsRequired", []):
-        if name == _DRACO and find_spec("DracoPy"):
-            continue
+        advice = ", which is not read; save it without"
+        if name == _DRACO:
+            if find_spec("DracoPy"):
+                continue
+            advice = ": install DracoPy, or save it without"
         if not _HARMLESS.fullmatch(name):
-            raise FileError(f"needs the glTF extension {name}, which is not read; save it without")
+            raise FileError(f"needs the glTF extension {name}{advice}")
     accessors = document.get("accessors", [])
     for one in _primitives(document):
         if one.get("mode") == _FAN:
