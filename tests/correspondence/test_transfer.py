@@ -173,7 +173,7 @@ ONE = _match([0], [0])
         ([1.0], ONE, {"kind": "mean"}, "kind must be"),
         (["a"], ONE, {"kind": "scalar"}, "cannot be averaged"),
         ([1j], ONE, {}, "neither numbers nor labels"),
-        ([[0.5, 0.5], [0.5, 0.6]], _match([0, 0], [0]), {"kind": "weights"}, "row 1 sums to 1.1"),
+        ([[0.5, 0.5], [0.5, 0.6]], _match([0, 0], [0]), {"kind": "weights"}, "sums; row 1 .* 1.1"),
         ([[0, 1], [1.5, -0.5]], _match([0, 0], [0]), {"kind": "weights"}, "row 1 .* least is -0.5"),
         ([0.5, 0.5], _match([0, 0], [0]), {"kind": "weights"}, "must be rows"),
         ([[256, 0, 0]], ONE, {"kind": "color"}, "from 0 to 255"),

@@ -242,8 +242,8 @@ def _checked_numbers(array: npt.NDArray[Any], kind: str) -> FloatArray:
         if wrong.any():
             row = wrong.argmax()
             raise InputError(
-                f"weights must be non-negative and sum to one in each row; row {row} sums to "
-                f"{numbers[row].sum():g}, its least is {numbers[row].min():g}"
+                "weights must be non-negative and sum to one in each row: divide by the sums; "
+                f"row {row} sums to {numbers[row].sum():g}, its least is {numbers[row].min():g}"
             )
     if kind == "uv" and (numbers.ndim != 2 or numbers.shape[1] != 2):
         raise InputError(f"texture coordinates must have two columns, not {numbers.shape}")
