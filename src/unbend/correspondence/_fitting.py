@@ -54,8 +54,7 @@ class Fit:
         goal: FloatArray,
         matched: BoolArray,
     ) -> None:
-        parts = find_components(surface.faces, len(goal)).of_vertex
-        self.unmatched = ~np.isin(parts, parts[matched])
+        self.unmatched = in_unmatched_components(surface.faces, matched)
         surface = self.surface = joined(surface, self.unmatched)
         self.matched = matched
         self.goal = np.where(matched[:, None], goal, 0.0)
@@ -188,6 +187,12 @@ class Fit:
 
     def _normals(self, places: FloatArray) -> FloatArray:
         return vertex_normals(places, self.surface.faces)
+
+
+def in_unmatched_components(faces: IntArray, matched: BoolArray) -> BoolArray:
+    """Select the vertices (n,) of components none of whose vertices is matched."""
+    parts = find_components(faces, len(matched)).of_vertex
+    return np.asarray(~np.isin(parts, parts[matched]))
 
 
 def joined(surface: ElasticSurface, unmatched: BoolArray) -> ElasticSurface:

@@ -10,13 +10,13 @@ from scipy.spatial.transform import Rotation
 from unbend._arrays import is_number, sum_rows
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.alignment import nearest_rotation, procrustes
-from unbend.correspondence._fitting import joined
+from unbend.correspondence._fitting import in_unmatched_components, joined
 from unbend.correspondence._transfer import positions_on_target
 from unbend.deformation import ElasticSurface
 from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh
 from unbend.matching import Match
-from unbend.mesh import Mesh, edge_ends, find_components
+from unbend.mesh import Mesh, edge_ends
 
 # Rotations are averaged over so many rings of neighbours, which hides the rounding to vertices.
 _AVERAGED_RINGS = 4
@@ -92,8 +92,8 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
     goal[~moving] = size * (start[~moving] - center) @ rotation.T + goal[moving].mean(axis=0)
     surface = _evenly_weighted(start, source.faces) if source.n_faces else None
     if surface is not None and not moving.all():
-        parts = find_components(source.faces, len(start)).of_vertex
-        surface = joined(surface, ~np.isin(parts, parts[moving]) & (surface.areas > 0))
+        loose = in_unmatched_components(source.faces, moving) & (surface.areas > 0)
+        surface = joined(surface, loose)
         goal = _extended(surface, goal, moving, rotation, size)
     if t == 1:
         return Mesh(goal, source.faces, name=name)
