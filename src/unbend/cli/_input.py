@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import glob
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -50,8 +49,7 @@ def expand_folders(paths: Sequence[str]) -> list[str]:
     unbend.collection.warn_of_others(paths)
     found: list[str] = []
     for one in paths:
-        matches = [] if os.path.exists(one) else sorted(glob.glob(one, recursive=True))
-        for path in matches or [one]:
+        for path in sorted(unbend.collection.matches(one)):
             if os.path.isdir(path):
                 inside = unbend.collection.find_files([path])
                 found += [os.path.join(path, os.path.relpath(mesh, path)) for mesh in inside]

@@ -71,8 +71,9 @@ def transfer(
         raise InputError(f"{matching.map} has no expected errors; leave out --map to match")
     if is_markup:
         images = forward[array]
-        carried = images[images >= 0]
-        io.write_markups(out, b, carried, [labels[i] for i in np.flatnonzero(images >= 0)])
+        there = np.flatnonzero(images >= 0)
+        carried = images[there]
+        io.write_markups(out, b, carried, [labels[i] for i in there])
         for i in np.flatnonzero(images < 0):
             output.say("note", f"landmark {labels[i]} corresponds to no vertex of {b.name}")
     else:

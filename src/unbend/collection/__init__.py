@@ -6,6 +6,7 @@ from unbend.collection._files import (
     find_file,
     find_files,
     make_folder,
+    matches,
     read_found,
     warn_of_others,
 )
@@ -46,6 +47,7 @@ __all__ = [
     "find_files",
     "find_groups",
     "make_folder",
+    "matches",
     "mean_shape",
     "read_found",
     "read_labels",

@@ -38,8 +38,7 @@ def find_files(given: Sequence[str]) -> Iterator[str]:
     holds no mesh.
     """
     for one in given:
-        found = iter([one] if os.path.exists(one) else glob.iglob(one, recursive=True))
-        for match in itertools.chain([next(found, one)], found):
+        for match in matches(one):
             if not os.path.isdir(match):
                 yield os.path.abspath(match)
                 continue
@@ -49,6 +48,12 @@ def find_files(given: Sequence[str]) -> Iterator[str]:
                 known = f"{', '.join(_SUFFIXES[:-1])} or {_SUFFIXES[-1]}"
                 raise FileError(f"cannot read {one}: it is a folder without {known} files")
             yield from itertools.chain(first, inside)
+
+
+def matches(pattern: str) -> Iterator[str]:
+    """Give what matches a pattern; the pattern itself if that exists, or if nothing matches."""
+    found = iter([pattern] if os.path.exists(pattern) else glob.iglob(pattern, recursive=True))
+    return itertools.chain([next(found, pattern)], found)
 
 
 def warn_of_others(given: Iterable[str]) -> None:

@@ -154,10 +154,11 @@ def match(
     if progress is not None:
         progress("spectrum", 1.0)
     pairs = np.empty((0, 2), np.int64) if landmarks is None else landmark_pairs(landmarks)
-    ours, theirs = (
-        one._replace(shape=replace(one.shape, landmarks=one.local(vertices)))
-        for one, vertices in zip((ours, theirs), pairs.T, strict=True)
-    )
+    if len(pairs):
+        ours, theirs = (
+            one._replace(shape=replace(one.shape, landmarks=one.local(vertices)))
+            for one, vertices in zip((ours, theirs), pairs.T, strict=True)
+        )
     sides = make_sides(ours.shape, theirs.shape)
     found = candidates(sides, progress)
     turned = candidates(sides.reflected(), progress) if mirrored or allow_mirror else []

@@ -137,13 +137,10 @@ def _primitives(document: dict[str, Any]) -> list[dict[str, Any]]:
 
 def _refuse(document: dict[str, Any]) -> None:
     for name in document.get("extensionsRequired", []):
-        advice = ", which is not read; save it without"
-        if name == _DRACO:
-            if find_spec("DracoPy"):
-                continue
-            advice = ": install DracoPy, or save it without"
-        if not _HARMLESS.fullmatch(name):
-            raise FileError(f"needs the glTF extension {name}{advice}")
+        is_draco = name == _DRACO
+        if not (find_spec("DracoPy") if is_draco else _HARMLESS.fullmatch(name)):
+            advice = ": install DracoPy, or" if is_draco else ", which is not read;"
+            raise FileError(f"needs the glTF extension {name}{advice} save it without")
     accessors = document.get("accessors", [])
     for one in _primitives(document):
         if one.get("mode") == _FAN:
