@@ -42,10 +42,7 @@ def keep_matched(
     if overlap.all():
         return overlap
     ends = shape.edge_weights.indptr, shape.edge_weights.indices
-    limits = (
-        constants.OUTLINE * goal.boundary_lengths.sum() / size,
-        goal.boundary_distances[point_maps],
-    )
+    limits = constants.OUTLINE * goal.boundary_length / size, goal.boundary_distances[point_maps]
 
     def judged(patches: BoolArray) -> BoolArray:
         kept = patches.copy()

@@ -93,10 +93,10 @@ class Shape(ElasticSurface):
         return np.asarray(cKDTree(self.vertices[self.on_boundary]).query(self.vertices)[0])
 
     @cached
-    def boundary_lengths(self) -> FloatArray:
-        """Lengths (e,) of the boundary edges of a partial surface."""
+    def boundary_length(self) -> float:
+        """Length of the boundary of a partial surface."""
         start, end, _ = self.boundary_edges.T
-        return np.asarray(np.linalg.norm(self.vertices[start] - self.vertices[end], axis=1))
+        return float(np.linalg.norm(self.vertices[start] - self.vertices[end], axis=1).sum())
 
     @cached
     def edge(self) -> float:
@@ -222,9 +222,9 @@ def make_shape(
         partial=partial,
     )
     start, end, _ = shape.boundary_edges.T
-    pieces = label_linked((start, end), len(points))[start]
-    lengths = np.bincount(pieces, shape.boundary_lengths)
-    return shape if lengths.max(initial=0) > constants.PATCH else replace(shape, partial=False)
+    lengths = np.linalg.norm(points[start] - points[end], axis=1)
+    pieces = np.bincount(label_linked((start, end), len(points))[start], lengths)
+    return shape if pieces.max(initial=0) > constants.PATCH else replace(shape, partial=False)
 
 
 class Proxy(NamedTuple):
