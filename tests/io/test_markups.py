@@ -139,12 +139,17 @@ def test_points_pair_by_label_or_else_by_order(tmp_path: Path) -> None:
     assert pair(tmp_path, ["nose", "tail"], ["tail", "nose"]) == [[0, 1], [1, 0]]
     assert pair(tmp_path, ["F-1", "F-2"], ["P-1", "P-2"]) == [[0, 0], [1, 1]]
     assert pair(tmp_path, ["", ""], ["", ""]) == [[0, 0], [1, 1]]
-    with pytest.raises(InputError, match="one point 'tail'"):
-        pair(tmp_path, ["nose", "tail"], ["nose", "ear"])
-    with pytest.raises(InputError, match="one point 'tail'"):
-        pair(tmp_path, ["nose", "tail"], ["nose"])
     with pytest.raises(InputError, match=r"2 points, .* 3: they must be pairs"):
         pair(tmp_path, ["a", "b"], ["c", "d", "e"])
+
+
+def test_points_that_only_one_file_has_are_left_out_and_named(tmp_path: Path) -> None:
+    with pytest.warns(UnbendWarning) as told:
+        assert pair(tmp_path, ["nose", "tail"], ["ear", "nose"]) == [[0, 1]]
+    assert [str(one.message).split(" has ")[1] for one in told] == [
+        "a point 'tail': left out",
+        "a point 'ear': left out",
+    ]
 
 
 def test_labels_pair_in_any_case(tmp_path: Path) -> None:

@@ -127,8 +127,8 @@ def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
 def read_markup_pairs(paths: Sequence[StrPath], source: MeshLike, target: MeshLike) -> IntArray:
     """Read landmarks (l, 2) from a file for each of two meshes.
 
-    Points are paired by label, in any case, if both files have the same labels; otherwise by order,
-    with a warning if they are named and have no name in common.
+    Points are paired by label, in any case, if the files have labels in common, and left out with a
+    warning if only one has theirs; otherwise by order, with a warning if they are named.
 
     Raises FileError if a file cannot be read; InputError if their points do not pair.
     """
@@ -143,9 +143,12 @@ def read_markup_pairs(paths: Sequence[StrPath], source: MeshLike, target: MeshLi
     in_common = bool(set(keys) & set(its))
     if in_common and len(set(labels)) == len(labels):
         for key, label in zip((*keys, *its), (*labels, *others), strict=True):
-            if keys.count(key) != 1 or its.count(key) != 1:
+            if keys.count(key) > 1 or its.count(key) > 1:
                 raise InputError(f"{paths[0]} and {paths[1]} do not both have one point {label!r}")
-        second = second[[its.index(key) for key in keys]]
+            if key not in keys or key not in its:
+                warn(f"only one of {paths[0]} and {paths[1]} has a point {label!r}: left out")
+        rows = [i for i, key in enumerate(keys) if key in its]
+        first, second = first[rows], second[[its.index(keys[i]) for i in rows]]
     if len(first) != len(second):
         raise InputError(
             f"{paths[0]} has {plural(len(first), 'point')}, {paths[1]} {len(second)}: they must be "
