@@ -487,3 +487,5 @@ def test_morph_writes_the_shapes_between(folder: Path) -> None:
         expected = morph(SOURCE.mesh, TARGET.mesh, found, t)
         np.testing.assert_allclose(between.vertices, expected.vertices, atol=1e-6)
         np.testing.assert_array_equal(between.faces, SOURCE.mesh.faces)
+    done = right(*given, "-o", folder / "half.vtp")
+    assert done.stdout.endswith(" in ParaView\n")

@@ -61,6 +61,8 @@ def test_it_tells_and_writes_what_came_out(folder: Path) -> None:
     )
     given[-1] = "out.stl"
     assert run(*given).stdout.splitlines()[-1].endswith(" in MeshLab or Blender")
+    given[-1] = "out.vtp"
+    assert " together in ParaView; its colours" in run(*given).stdout
 
 
 def test_it_matches_where_no_map_is_given(folder: Path) -> None:

@@ -88,6 +88,11 @@ def numbered(path: str, number: object) -> str:
     return str(Path(path).with_stem(f"{Path(path).stem}-{number}"))
 
 
+def viewer_of(path: str) -> str:
+    """Name programs that open a mesh file."""
+    return "ParaView" if path.lower().endswith(".vtp") else "MeshLab or Blender"
+
+
 def show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
     """Print a warning once, without the line of code: users did not write it."""
     if str(message) not in _run.warnings:

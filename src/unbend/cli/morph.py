@@ -28,14 +28,14 @@ def morph(
 
       source: The mesh to begin with.
       target: The mesh to end on.
-      out: The shape between (.ply, .obj, .glb, .off, .stl); of several steps OUT-1, OUT-2 ...
+      out: The shape between (.ply, .obj, .glb, .vtp, .off, .stl); of several steps OUT-1, OUT-2 ...
       steps: How many shapes between the two, evenly spaced; 1 is the one halfway.
 
     $ unbend morph standing.ply leaping.ply -o halfway.ply
     $ unbend morph standing.ply leaping.ply --steps 9 -o frame.ply
     $ unbend morph standing.ply leaping.ply --map map.npz -o halfway.glb
     """
-    unbend.io.check_writable(out, (".ply", ".obj", ".glb", ".off", ".stl"))
+    unbend.io.check_writable(out, (".ply", ".obj", ".glb", ".vtp", ".off", ".stl"))
     files, digits = [out], len(str(steps))
     if steps > 1:
         files = [output.numbered(out, f"{i + 1:0{digits}}") for i in range(steps)]
@@ -55,5 +55,5 @@ def morph(
         output.rows({"shapes": count, "confidence": output.confidence_of(match)}),
         shapes=shapes,
         written=[*files, matching.save_match],
-        next_step=f"open {files[0]} in MeshLab or Blender",
+        next_step=f"open {files[0]} in {output.viewer_of(out)}",
     )

@@ -88,7 +88,7 @@ def register(
         shapes=shapes,
         written=[out, matching.save_match],
         report=report,
-        next_step=f"open {out} and {paths[0]} together in MeshLab or Blender{legend}",
+        next_step=f"open {out} and {paths[0]} together in {output.viewer_of(out)}{legend}",
     )
 
 
