@@ -148,7 +148,8 @@ def symmetry(
 ) -> None:
     """Find the left-right symmetry of a shape, in any pose: the mirror partner of each vertex.
 
-    The confidence says how likely it is that the shape has such a symmetry and that this is it.
+    The confidence is that of a match of the shape to its mirror image: it is high for a shape that
+    is only roughly symmetric, such as a bone, too.
 
       refine: Refine the map on the full mesh.
       figure: Draw the shape twice, mirror partners in one colour (.png, .pdf, .svg).

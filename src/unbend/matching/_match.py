@@ -242,8 +242,8 @@ def symmetry(
     Returns
     -------
     Match
-        From the mesh to itself, reversing orientation. Its `confidence` says how likely it is
-        that the shape has such a symmetry.
+        From the mesh to itself, reversing orientation. Its `confidence` is that of a match of the
+        shape to its mirror image: high for one that is only roughly symmetric, such as a bone, too.
 
     Raises
     ------
