@@ -180,12 +180,6 @@ def test_a_vtk_file_is_read_with_meshio(tmp_path: Path) -> None:
         read_mesh(tmp_path / "a.vtk")
 
 
-def test_polydata_is_refused_with_and_without_meshio(tmp_path: Path) -> None:
-    (tmp_path / "a.vtk").write_text("# vtk DataFile Version 4.2\na\nASCII\nDATASET POLYDATA\n")
-    with pytest.raises(FileError, match=r"a.vtk: VTK's POLYDATA cannot be read; save it as \.ply"):
-        read_mesh(tmp_path / "a.vtk")
-
-
 @pytest.mark.parametrize(("suffix", "program"), [(".glb", "trimesh"), (".vtk", "meshio")])
 def test_without_the_program_it_is_named(tmp_path: Path, monkeypatch, suffix, program) -> None:
     monkeypatch.setitem(__import__("sys").modules, program, None)

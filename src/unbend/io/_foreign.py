@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import re
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -15,7 +14,7 @@ import numpy.typing as npt
 from unbend._text import plural
 from unbend._types import StrPath
 from unbend.errors import FileError, InputError, MissingExtraError
-from unbend.io.formats import gltf
+from unbend.io.formats import gltf, vtk
 from unbend.io.formats.contents import NO_FACES, Contents, triangulate, weld
 from unbend.mesh import Mesh
 
@@ -89,10 +88,10 @@ def _from_polygons(points: Any, sizes: npt.ArrayLike, corners: npt.NDArray[Any])
 
 
 def read_foreign(path: Path, data: bytes) -> Contents:
-    """Read a file with trimesh or meshio, and say so in the notes."""
+    """Read a surface of VTK, or a file with trimesh or meshio, and say that in the notes."""
     suffix = path.suffix.lower()
-    if suffix == ".vtk" and re.search(rb"^DATASET\s+POLYDATA", data[:999], re.MULTILINE):
-        raise FileError("VTK's POLYDATA cannot be read; save it as .ply")
+    if suffix == ".vtk" and vtk.is_polydata(data):
+        return vtk.read(data)
     program = "trimesh" if suffix in _TRIMESH else "meshio"
     if find_spec(program) is None:
         raise MissingExtraError(program)

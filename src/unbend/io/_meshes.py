@@ -40,9 +40,10 @@ def read_mesh(path: StrPath) -> Mesh:
     Parameters
     ----------
     path : path
-        .off (also COFF, NOFF), .obj, .ply (text or binary), .stl, .xyz (one point per line) or .npy
-        (an (n, 3) array of points). Trimesh, if it is installed, reads .glb, .gltf, .3mf and .dae;
-        meshio reads .vtk, .vtu, .msh, .mesh, .inp and .bdf.
+        .off (also COFF, NOFF), .obj, .ply (text or binary), .stl, .vtk (POLYDATA, VTK's surfaces),
+        .xyz (one point per line) or .npy (an (n, 3) array of points). Trimesh, if it is installed,
+        reads .glb, .gltf, .3mf and .dae; meshio reads .vtk of grids, .vtu, .msh, .mesh, .inp and
+        .bdf.
 
     Returns
     -------

@@ -1,0 +1,136 @@
+"""VTK's older files (.vtk) of surfaces, called POLYDATA: text or binary, of all versions."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+import numpy.typing as npt
+
+from unbend._types import IntArray
+from unbend.errors import FileError
+from unbend.io.formats.contents import NO_FACES, Contents, count, misfit, numbers_in, triangulate
+
+_START = re.compile(rb"# vtk DataFile.* (\d)\.\d.*\n.*\n\s*(ASCII|BINARY)\s+DATASET\s+POLYDATA\b")
+_TYPES = {
+    "char": "i1", "unsigned_char": "u1", "short": "i2", "unsigned_short": "u2",
+    "int": "i4", "unsigned_int": "u4", "long": "i8", "unsigned_long": "u8", "vtkidtype": "i4",
+    "vtktypeint64": "i8", "vtktypeuint64": "u8", "float": "f4", "double": "f8",
+}  # fmt: skip
+_AT_ONCE = 1000  # numbers: where one is none, the block that holds it is named
+_CELLS = ("VERTICES", "LINES", "POLYGONS", "TRIANGLE_STRIPS")
+_WIDTHS = {"VECTORS": "3", "NORMALS": "3", "TENSORS6": "6", "TENSORS": "9"}
+
+
+def is_polydata(data: bytes) -> bool:
+    """Whether a .vtk file holds a surface, not a grid."""
+    return _START.match(data) is not None
+
+
+class _Reader:
+    def __init__(self, data: bytes) -> None:
+        start = _START.match(data)
+        assert start is not None
+        self.data, self.at = data, start.end()
+        self.new, self.binary = int(start[1]) >= 5, start[2] == b"BINARY"
+
+    def line(self) -> list[str]:
+        """Four words or more of the next line that is neither blank nor describes an array."""
+        described = False
+        while self.at < len(self.data):
+            end = self.data.find(b"\n", self.at)
+            end = len(self.data) if end < 0 else end
+            row = self.data[self.at : end].decode(errors="replace").split()
+            self.at = end + 1
+            described = row[:1] == ["METADATA"] or (described and bool(row))
+            if row and not described:
+                return row + [""] * (4 - len(row))
+        return [""] * 4
+
+    def array(self, name: str, n_rows: str, width: str, kind: str) -> npt.NDArray[Any]:
+        """Read rows of numbers."""
+        size = count(n_rows, "rows"), count(width, "columns")
+        n, left = size[0] * size[1], len(self.data) - self.at
+        if kind.lower() not in _TYPES:
+            raise misfit(name, kind, ", not a type of numbers that unbend reads")
+        if not n:
+            return np.empty((0, 1))
+        dtype = np.dtype(f">{_TYPES[kind.lower()]}")
+        if (n * dtype.itemsize if self.binary else 2 * n - 1) > left:
+            raise FileError(f"truncated: it promises {n} numbers of {name}, but ends before")
+        if self.binary:
+            found = np.frombuffer(self.data, dtype, n, self.at).astype(dtype.newbyteorder("="))
+            self.at += found.nbytes
+            return found.reshape(size)
+        words = self.data[self.at :].split(None, n)
+        self.at = len(self.data) - sum(map(len, words[n:]))
+        if len(words) < n:
+            raise FileError(f"truncated: it promises {n} numbers of {name}, but holds {len(words)}")
+        text = b" ".join(words[:n]).decode(errors="replace").split(" ")
+        wide = np.float64 if dtype.kind == "f" else np.int64
+        rows = [text[i : i + _AT_ONCE] for i in range(0, n, _AT_ONCE)]
+        return numbers_in(rows, wide, "number", f"{name}, block").reshape(size)
+
+    def cells(self, name: str, n_cells: str, size: str) -> tuple[IntArray, IntArray]:
+        """Read the sizes of cells, and the corners of all."""
+        if self.new:
+            ends = self.array(name, n_cells, "1", self.line()[1]).ravel().astype(np.int64)
+            corners = self.array(name, size, "1", self.line()[1]).ravel().astype(np.int64)
+            sizes = np.diff(ends)
+            fits = not len(ends) or (ends[0] == 0 and ends[-1] == len(corners))
+        else:
+            flat = self.array(name, size, "1", "int").ravel().astype(np.int64)
+            starts = [0]
+            while starts[-1] < len(flat) and flat[starts[-1]] >= 0:
+                starts.append(starts[-1] + int(flat[starts[-1]]) + 1)
+            fits = starts[-1] == len(flat) and len(starts) - 1 == count(n_cells, "cells")
+            sizes, corners = flat[starts[:-1]] if fits else flat, np.delete(flat, starts[:-1])
+        if not fits or (sizes < 0).any():
+            raise FileError(f"damaged: the {size} numbers of {name} are not {n_cells} cells")
+        return sizes, corners
+
+
+def read(data: bytes) -> Contents:
+    """Read positions and polygons, and the values of points."""
+    file, faces, notes, rows = _Reader(data), NO_FACES, list[str](), "0"
+    vertices, cells = np.empty((0, 3)), (np.empty(0, np.int64), np.empty(0, np.int64))
+    values: dict[str, npt.NDArray[Any]] = {}
+    arrays = values.copy()  # those of the whole, of points, or of cells
+    while (words := file.line())[0]:
+        key, name, size, third = words[0].upper(), *words[1:4]
+        if key == "POINTS":
+            vertices = file.array(key, name, "3", size).astype(np.float64).reshape(-1, 3)
+        elif key in _CELLS:
+            found = file.cells(key, name, size)
+            if key == "TRIANGLE_STRIPS" and len(found[0]):
+                raise FileError("holds triangle strips, which unbend cannot read; save triangles")
+            cells = found if key == "POLYGONS" else cells
+        elif key in ("POINT_DATA", "CELL_DATA"):
+            arrays, rows = values if key == "POINT_DATA" else {}, name
+        elif key == "FIELD":
+            for _ in range(count(size, "arrays")):
+                one, width, n_rows, kind = file.line()[:4]
+                arrays[one] = file.array(one, n_rows, width, kind)
+        elif key == "SCALARS":
+            file.line()  # which names a table of colours
+            arrays[name] = file.array(name, rows, third or "1", size)
+        elif key in _WIDTHS:
+            arrays[name] = file.array(name, rows, _WIDTHS[key], size)
+        elif key == "TEXTURE_COORDINATES":
+            arrays[name] = file.array(name, rows, size, third)
+        elif key in ("COLOR_SCALARS", "LOOKUP_TABLE"):
+            kind = "unsigned_char" if file.binary else "float"
+            n_rows, width = (rows, size) if key == "COLOR_SCALARS" else (size, "4")
+            file.array(name, n_rows, width, kind)
+        else:
+            unread = " ".join(words).strip()
+            raise misfit("a line", unread, ", which unbend cannot read; save it as .ply")
+    faces, notes = triangulate(*cells, vertices)
+    per_point = {
+        unquote(name): array[:, 0] if array.shape[1] == 1 else array
+        for name, array in values.items()
+        if len(array) == len(vertices)
+    }
+    return Contents(vertices, faces, tuple(notes), lambda: per_point)
