@@ -225,6 +225,22 @@ def test_saved_landmarks_are_loaded_again(page, dogs, tmp_path) -> None:
     assert table(page) == rows
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        '"source","target"\n12,40\n345,7\n',
+        '"","source","target"\n"1",12,40\n"2",345,7\n',
+        ",source,target\n0,12,40\n1,345,7\n",
+        "target,source\n40,12\n7,345\n",
+    ],
+)
+def test_tables_that_the_command_line_reads_are_read_alike(page, tmp_path, text) -> None:
+    (tmp_path / "pairs.csv").write_text(text, "utf-8")
+    page.choose_file("#load", tmp_path / "pairs.csv")
+    page.wait_for(f"{STATUS}.includes('pairs.csv')")
+    assert table(page) == read_landmarks(tmp_path / "pairs.csv").tolist() == [[12, 40], [345, 7]]
+
+
 def test_files_that_do_not_fit_change_nothing(page, tmp_path) -> None:
     page.click(*page.middle("#shape-0", 0.0, 0.1))
     before = table(page)
@@ -306,11 +322,21 @@ def test_a_typed_name_counts_and_leaves_the_buttons_where_they_are(one, tmp_path
     assert one.run(f"{field}.value") == "#one"
 
 
+def test_names_of_rows_are_not_those_of_landmarks(one, tmp_path) -> None:
+    rows = '"","label","vertex"\n"1","nose, left",15\n"2","ear",16\n'
+    (tmp_path / "named.csv").write_text(rows, "utf-8")
+    one.choose_file("#load", tmp_path / "named.csv")
+    one.wait_for("part('landmarks').rows.length === 2")
+    names = one.run("[...part('landmarks').querySelectorAll('input')].map(e => e.value)")
+    assert (names, table(one)) == (["nose, left", "ear"], [[15], [16]])
+
+
 def test_pairs_and_fractions_are_no_landmarks_of_one_shape(one, tmp_path) -> None:
-    (tmp_path / "pairs.csv").write_text("source,target\n3,50\n", "utf-8")
-    one.choose_file("#load", tmp_path / "pairs.csv")
-    one.wait_for(f"{STATUS}.includes('its columns are source,target')")
-    assert table(one) == [[5], [6], [7]]
+    for columns in ("source,target", "target,source"):
+        (tmp_path / "pairs.csv").write_text(f"{columns}\n3,50\n", "utf-8")
+        one.choose_file("#load", tmp_path / "pairs.csv")
+        one.wait_for(f"{STATUS}.includes('its columns are {columns}')")
+        assert table(one) == [[5], [6], [7]]
     one.run("part('vertex-0').value = 12.5")
     one.run("part('vertex-0').dispatchEvent(new Event('change'))")
     assert one.run("part('readout').textContent") == "that vertex is not shown"

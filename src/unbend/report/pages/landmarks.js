@@ -61,19 +61,20 @@ class Landmarks {
     return `${[pairs ? "source,target" : "label,vertex", ...rows].join("\n")}\n`;
   }
 
+  // As read_landmarks does: a nameless first column, of names of rows as R writes them, is left out.
   loadCsv(text) {
-    const wanted = this.shapes.length, loaded = [];
+    const pairs = this.shapes.length > 1, loaded = [];
     let lines = text.replace(/^\ufeff/, "").split(/\r?\n/).filter((line) => line.trim() && !line.startsWith("#"));
-    if (lines.length && !/\d/.test(lines[0])) {
-      if (/^source\W+target$/i.test(lines[0].trim()) !== wanted > 1) throw Error(`its columns are ${lines[0].trim().slice(0, 40)}; those of landmarks here are ${wanted > 1 ? "source,target" : "label,vertex"}`);
-      lines = lines.slice(1);
-    }
+    const header = lines.length && !/\d/.test(lines[0]) ? lines.shift().trim() : "", columns = header.toLowerCase().match(/\w+/g)?.join();
+    if (header && /^(source,target|target,source)$/.test(columns) !== pairs) throw Error(`its columns are ${header.slice(0, 40)}; those of landmarks here are ${pairs ? "source,target" : "label,vertex"}`);
+    if (/^[\s"]*[,;]/.test(header)) lines = lines.map((line) => line.replace(/^\s*("([^"]|"")*"|[^,;]*)[,;]/, ""));
     for (const [i, line] of lines.entries()) {
-      const words = line.trim().match(wanted > 1 ? /^(\d+)[\s,;]+(\d+)$/ : /^(?:(.*)[\s,;]+)?(\d+)$/);
-      if (!words) throw Error(`row ${i} is ${line.slice(0, 40)}; a landmark is ${wanted > 1 ? "two vertex numbers" : "a name and a vertex number"}`);
-      const at = words.slice(-wanted).map(Number);
+      const words = pairs ? line.replaceAll('"', " ").trim().match(/^(\d+)[\s,;]+(\d+)$/) : line.trim().match(/^(?:(.*)[\s,;]+)?(\d+)$/);
+      if (!words) throw Error(`row ${i} is ${line.slice(0, 40)}; a landmark is ${pairs ? "two vertex numbers" : "a name and a vertex number"}`);
+      const at = words.slice(-this.shapes.length).map(Number);
+      if (columns === "target,source") at.reverse();
       at.forEach((vertex, side) => this.check(vertex, side));
-      const name = wanted > 1 || words[1] === undefined ? `${i + 1}` : words[1].trim().replace(/^"(.*)"$/, "$1").replaceAll('""', '"');
+      const name = pairs || words[1] === undefined ? `${i + 1}` : words[1].trim().replace(/^"(.*)"$/, "$1").replaceAll('""', '"');
       loaded.push({ name, at });
     }
     if (!loaded.length) throw Error("it holds no landmarks");
