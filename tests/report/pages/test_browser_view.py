@@ -401,6 +401,11 @@ def test_thinned_shapes_have_the_numbers_of_the_files(
     ((first,), (second,)) = table(browser)
     assert first == lost
     assert second in shown
+    # What lies where it is described to lie is not moved, drawn or not.
+    write_markups(tmp_path / "all.mrk.json", dogs[0], range(900), [f"p{i}" for i in range(900)])
+    browser.choose_file("#load-0", tmp_path / "all.mrk.json")
+    browser.wait_for(f"{STATUS} === 'Loaded all.mrk.json.'")
+    assert table(browser) == [[i] for i in range(900)]
 
 
 def test_values_and_edges_are_drawn_and_told(browser, dogs, tmp_path, screenshots) -> None:

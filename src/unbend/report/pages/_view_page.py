@@ -103,6 +103,9 @@ def _packed(mesh: Mesh, scalars: FloatArray | None) -> tuple[dict[str, Any], lis
     """Pack a shape, perhaps with values, and tell of it."""
     shown = show(mesh)
     packed = shown.packed() | {"name": mesh.name, "standIns": pack_whole(shown.stand_ins)}
+    used = shown.stand_ins >= 0
+    apart = mesh.vertices[used] - shown.places[shown.stand_ins[used]]
+    packed["reach"] = float(np.linalg.norm(apart, axis=1).max())  # of those that stand for others
     widest = float(np.ptp(shown.places, axis=0).max())
     packed["places"] = pack_places(shown.places, widest / _STEPS or None)
     size = f"{plural(mesh.n_vertices, 'vertex')}, {plural(mesh.n_faces, 'face')}"

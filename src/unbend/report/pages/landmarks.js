@@ -2,7 +2,7 @@
 
 const SCHEMA = "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/Resources/Schema/markups-schema-v1.0.3.json#";
 const FARTHEST = 0.03; // from the mesh, of its size, where a loaded point may lie
-const MOVED = 1e-3; // from its vertex, of the mesh's size, where a loaded point has been moved
+const MOVED = 1e-3; // from its vertex, of the mesh's size, where a loaded point has been moved; more if that is not drawn
 
 // Each landmark is {name, at}, `at` its vertex on each shape, by the numbers of the files, -1 for none.
 class Landmarks {
@@ -111,14 +111,14 @@ class Landmarks {
       throw Error("it is no .mrk.json file of 3D Slicer");
     }
     if (!points.length) throw Error("it holds no points");
-    const { places, seen, size } = this.shapes[side];
+    const { places, seen, number, size, reach } = this.shapes[side];
     let moved = 0;
     const loaded = points.map(({ name, description, place }) => {
       const described = description.match(/^vertex (\d+)$/);
       let vertex = described && +described[1];
       if (described) this.check(vertex, side);
       const apart = described ? Math.hypot(...row(places, seen(vertex)).map((x, k) => x - place[k])) : Infinity;
-      if (!(apart <= MOVED * size)) {
+      if (!(apart <= (number(seen(vertex)) === vertex ? MOVED * size : reach + MOVED * size))) {
         vertex = this.nearest(name, place, side);
         if (described) moved++;
       }
