@@ -158,13 +158,15 @@ def test_the_first_shape_is_fitted_and_morphed(shapes, matched, tmp_path) -> Non
 def test_a_fitted_obj_file_keeps_its_texture_coordinates(shapes, matched, tmp_path) -> None:
     dog = read_mesh(shapes[0][0])
     write_mesh(tmp_path / "dog.obj", dog, uvs=np.linspace(0, 1, 1200).reshape(600, 2))
+    text = (tmp_path / "dog.obj").read_text("utf-8")
+    (tmp_path / "dog.obj").write_text(f"mtllib dog skin.mtl\n{text}", "utf-8")
     given = [[str(tmp_path / "dog.obj"), "dog.obj"], shapes[1]]
     fitted = done(tmp_path, "register", given, **uses(matched))
     before, after = (
-        [line for line in Path(path).read_text("utf-8").splitlines() if line[:2] in ("vt", "f ")]
+        [x for x in Path(path).read_text("utf-8").splitlines() if x[:2] in ("mt", "vt", "f ")]
         for path in (tmp_path / "dog.obj", file_of(fitted, ".obj"))
     )
-    assert len(before) == 600 + dog.n_faces
+    assert len(before) == 1 + 600 + dog.n_faces
     assert after == before
 
 

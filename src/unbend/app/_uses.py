@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -156,7 +157,9 @@ def register(work: Work) -> Result:
         keeps = suffix == ".obj" == Path(work.paths[0]).suffix.lower()
         about = "coloured by the distance from the second shape"
         path = work.new_file(stem + suffix, "with the texture of the first" if keeps else about)
-        correspondence.write_registration(path, found, like=work.paths[0] if keeps else None)
+        # Once saved, it is not in our folder: it names materials as the file of the first does.
+        like = shutil.copy(work.paths[0], work.folder / "like.obj") if keeps else None
+        correspondence.write_registration(path, found, like=like)
     report.view(found.mesh, target, values=found.distances, path=work.page, up=work.up)
     facts = {
         "on the second shape": f"{found.coverage:.1%} of the area, within {found.tolerance:.3g}",
