@@ -246,7 +246,8 @@ def test_landmarks_outlast_their_tab_and_are_its_own_and_work_is_cancelled(page,
     page.run("sessionStorage.clear()")  # as in a new tab
     page.visit(page.run("location.href"))
     page.wait_for("frame?.greeted && part('placed').textContent.startsWith('1 placed.')")
-    other = f"JSON.stringify({{run: location.pathname, placed: {{[shown]: {theirs}}}}})"
+    there = f"{{[shown]: {theirs}, 0: {theirs}}}"
+    other = f"JSON.stringify({{run: location.pathname, placed: {there}}})"
     page.run(f"localStorage.setItem('unbend', {other})")  # as another tab does
     press(page, "Match with these")
     page.wait_for("state.jobs.length === 1 && state.jobs[0].running")
@@ -254,6 +255,11 @@ def test_landmarks_outlast_their_tab_and_are_its_own_and_work_is_cancelled(page,
     assert job["job"]["landmarks"] == [[87, 139]]
     press(page, "Cancel")
     page.wait_for("!state.jobs.length")
+    # What the other tab placed on other pages is kept beside ours.
+    page.run(f"frame.contentWindow.postMessage({{landmarks: {ours}}}, '*')")
+    last = "JSON.parse(localStorage.getItem('unbend')).placed"
+    page.wait_for(f"{last}[shown][0].at[0] === 87")
+    assert page.run(f"{last}[0]") == theirs
 
 
 def test_a_killed_worker_is_a_sentence(page, app, dogs):

@@ -6,8 +6,11 @@ const tab = crypto.randomUUID();
 // Each run of the app has a path of its own. What a tab has chosen is kept for it, and the landmarks
 // placed last for all tabs.
 const kept = JSON.parse(sessionStorage.getItem(location.pathname)) || {};
-const last = JSON.parse(localStorage.getItem("unbend"));
-const placed = last?.run === location.pathname ? last.placed : {}; // by result
+function placedLast() { // by result
+  const last = JSON.parse(localStorage.getItem("unbend"));
+  return last?.run === location.pathname ? last.placed : {};
+}
+const placed = placedLast();
 const PLAIN = {
   spectrum: "measuring both shapes", search: "trying ways to match them", refine: "refining the map", register: "fitting",
 };
@@ -253,7 +256,8 @@ addEventListener("message", ({ source, data }) => {
     if (placed[shown]) return source.postMessage({ landmarks: placed[shown] }, "*");
   }
   placed[shown] = data.landmarks;
-  localStorage.setItem("unbend", JSON.stringify({ run: location.pathname, placed }));
+  const all = { ...placedLast(), [shown]: data.landmarks };
+  localStorage.setItem("unbend", JSON.stringify({ run: location.pathname, placed: all }));
   showPlaced(result);
 });
 
