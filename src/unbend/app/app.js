@@ -226,7 +226,7 @@ function uses(result) {
       button("Morph", () => submit({ do: "morph", result: id, steps: +steps.value })), make("label", {}, "shapes between ", steps)),
     make("div", { class: "controls", role: "group", "aria-label": "Carry values" },
       button("Carry values to the second", carry),
-      make("label", {}, "of the file ", file), make("label", {}, "column, if it has several ", column),
+      make("label", {}, "of the file ", file), make("label", {}, "property, if it is a mesh with several ", column),
       make("span", { class: "hint" }, "a table, landmarks of 3D Slicer, or nothing: the colours and values in the first shape\u2019s own file")));
 }
 
