@@ -130,6 +130,10 @@ def test_everything_can_be_done_with_the_keyboard(page, tmp_path) -> None:
     page.press("s", **CTRL)
     downloaded(page, tmp_path / "landmarks.csv")
     np.testing.assert_array_equal(read_landmarks(tmp_path / "landmarks.csv"), pairs)
+    page.run("part('landmarks').querySelector('button').focus()")
+    page.press("Enter", windowsVirtualKeyCode=13, text="\r")
+    assert table(page) == pairs[1:]
+    assert page.run("document.activeElement.id") == "undo"
 
 
 def test_arrow_keys_go_around_the_shape(page) -> None:

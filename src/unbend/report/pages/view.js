@@ -58,7 +58,10 @@ start(async ({ shapes, landmarks: given }) => {
       const button = Object.assign(document.createElement("button"), {
         type: "button", textContent: "Delete", ariaLabel: `Delete landmark ${one.name}`,
       });
-      button.addEventListener("click", () => remove(one));
+      button.addEventListener("click", () => {
+        remove(one);
+        part("undo").focus({ preventScroll: true }); // the button is gone
+      });
       add(button);
       return line;
     }));
