@@ -106,6 +106,12 @@ def test_the_command_writes_and_opens_a_page(
     write_markups("nose.mrk.json", blob, [7], ["nose"])
     result = run(app, ["view", "a.ply", "--landmarks", "nose.mrk.json", "-o", "n.html"])
     assert '"landmarks": [{"name": "nose", "at": [7]}]' in Path("n.html").read_text("utf-8")
+    write_markups("a.mrk.json", blob, [7, 5], ["2", "1"])
+    write_markups("b.mrk.json", blob, [8, 9], ["1", "2"])
+    hints = ["--landmarks", "a.mrk.json", "--landmarks", "b.mrk.json"]
+    result = run(app, ["view", "a.ply", "b.ply", *hints, "-o", "ab.html"])
+    named = '"landmarks": [{"name": "2", "at": [7, 9]}, {"name": "1", "at": [5, 8]}]'
+    assert named in Path("ab.html").read_text("utf-8")
     write_markups("twice.mrk.json", blob, [7, 8], ["nose", "nose"])
     for refused in ("pairs.csv", "twice.mrk.json"):
         result = run(app, ["view", "a.ply", "--landmarks", refused, "-o", "refused.html"])

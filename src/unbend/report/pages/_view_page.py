@@ -31,7 +31,7 @@ _HINT = (
 def view(
     a: MeshLike,
     b: MeshLike | None = None,
-    landmarks: npt.ArrayLike | Mapping[str, int] | None = None,
+    landmarks: npt.ArrayLike | Mapping[str, Any] | None = None,
     path: StrPath | None = None,
     *,
     values: npt.ArrayLike | None = None,
@@ -48,8 +48,8 @@ def view(
         Anything :func:`unbend.as_mesh` accepts.
     b : mesh-like, optional
         A second shape: landmarks are then pairs of vertices that correspond.
-    landmarks : (l, 2) array_like of int, or (l,) array_like of int, or mapping of str to int
-        Vertices of both shapes, counted from 0; of one shape, its vertices, perhaps by name.
+    landmarks : (l, 2) array_like of int, or (l,) array_like of int, or mapping from str
+        Vertices of both shapes, counted from 0; of one shape, its vertices; either perhaps by name.
     values : (n,) array_like of float, optional
         A number for each vertex of `a`, shown as colours; NaN is grey.
     path, up
@@ -128,7 +128,7 @@ def _told_apart(low: float, high: float) -> tuple[str, str]:
 
 
 def _landmarks(
-    given: npt.ArrayLike | Mapping[str, int] | None, meshes: list[Mesh]
+    given: npt.ArrayLike | Mapping[str, Any] | None, meshes: list[Mesh]
 ) -> list[dict[str, Any]]:
     """Names of landmarks, and the vertex of each on each shape."""
     names = None
