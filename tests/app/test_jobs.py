@@ -86,6 +86,7 @@ def test_another_map_can_be_taken(shapes, matched, tmp_path) -> None:
     )
     assert (first != second).any()
     compile(taken["python"], "lines", "exec")
+    assert f"write_match({other['name']!r}, found" in taken["python"]
 
 
 def test_colours_of_the_first_file_are_carried(shapes, matched, tmp_path) -> None:

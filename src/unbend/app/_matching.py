@@ -51,7 +51,8 @@ def match(work: Work, landmarks: Landmarks = (), mirror: bool = False) -> Result
     result = _matched(work, found, out, landmarks, command, python)
     source, target = work.meshes
     for i, other in enumerate(found.alternatives):
-        path = work.folder / f"alternative-{i}.npz"
+        path, name = work.folder / f"alternative-{i}.npz", f"{stem}-{i + 2}.npz"
+        write = python[-1].replace(repr(out), repr(name))
         write_match(path, other, source=source, target=target)
         work.draw("", target, match_colors(source, target, other)[1])
         result["alternatives"].append(
@@ -59,9 +60,9 @@ def match(work: Work, landmarks: Landmarks = (), mirror: bool = False) -> Result
                 "path": str(path),
                 "picture": len(work.pictures) - 1,
                 "words": _in_words(other.confidence),
-                "name": f"{stem}-{i + 2}.npz",
+                "name": name,
                 "command": command,
-                "python": [*python[:-1], f"found = found.alternatives[{i}]", python[-1]],
+                "python": [*python[:-1], f"found = found.alternatives[{i}]", write],
             }
         )
     return result
