@@ -180,7 +180,7 @@ def specimen_case(meshes: str, landmarks: str, *names: str) -> Case:
     """Read two specimens, and the vertices at the landmarks that both have."""
     one, other = (read_mesh(meshes.replace("*", name)) for name in names)
     paths = [landmarks.replace("*", name) for name in names]
-    return of_rows(" ".join(names), one, other, *read_markup_pairs(paths, one, other).T)
+    return of_rows(" ".join(names), one, other, *read_markup_pairs(paths, one, other)[1].T)
 
 
 SUFFIXES = (".obj", ".off", ".ply", ".stl")

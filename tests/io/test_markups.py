@@ -132,7 +132,9 @@ def pair(folder: Path, first: list[str], second: list[str]) -> list[list[int]]:
     paths = [folder / "a.mrk.json", folder / "b.mrk.json"]
     for path, labels in zip(paths, (first, second), strict=True):
         write_markups(path, CUBE, range(len(labels)), labels)
-    return read_markup_pairs(paths, CUBE, CUBE).tolist()
+    labels, pairs = read_markup_pairs(paths, CUBE, CUBE)
+    assert labels == [first[i] for i in pairs[:, 0]]
+    return pairs.tolist()
 
 
 def test_points_pair_by_label_or_else_by_order(tmp_path: Path) -> None:

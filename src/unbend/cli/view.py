@@ -14,7 +14,7 @@ from unbend.choices import Axis
 from unbend.cli import _options as options
 from unbend.cli._input import expand_folders, landmarks_of, opened, read_shapes
 from unbend.cli._output import progress, tell
-from unbend.errors import FileError, InputError, heard
+from unbend.errors import FileError, InputError
 
 
 def view(
@@ -66,12 +66,10 @@ def view(
 def _landmarks(paths: list[str], shapes: list[unbend.Mesh]) -> Any:
     """Read landmarks of one mesh by name, or pairs of vertices of two, by name if they have any."""
     if len(shapes) == 2:
-        pairs: Any = landmarks_of(paths, shapes)
-        if len(paths) == 1:
-            return pairs
-        with heard():  # what is wrong has been said
-            names, _ = unbend.io.read_markups(paths[0], shapes[0])
-        return dict(zip(names, pairs, strict=True)) if len(set(names)) == len(names) else pairs
+        if len(paths) != 2:
+            return landmarks_of(paths, shapes)
+        labels, pairs = unbend.io.read_markup_pairs(paths, *shapes)
+        return dict(zip(labels, pairs, strict=True)) if len(set(labels)) == len(labels) else pairs
     if len(paths) > 1 or not paths[0].lower().endswith(unbend.io.MARKUP_SUFFIXES):
         raise InputError(
             "--landmarks of one mesh is one .mrk.json or .fcsv file; drop a .csv file onto the page"

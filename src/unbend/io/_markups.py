@@ -124,8 +124,10 @@ def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
     return [label for label, _, _ in points], np.array(vertices, dtype=np.int64)
 
 
-def read_markup_pairs(paths: Sequence[StrPath], source: MeshLike, target: MeshLike) -> IntArray:
-    """Read landmarks (l, 2) from a file for each of two meshes.
+def read_markup_pairs(
+    paths: Sequence[StrPath], source: MeshLike, target: MeshLike
+) -> tuple[list[str], IntArray]:
+    """Read landmarks from a file for each of two meshes: labels of the first, and vertices (l, 2).
 
     Points are paired by label, in any case, if the files have labels in common, and left out with a
     warning if only one has theirs; otherwise by order, with a warning if they are named.
@@ -148,6 +150,7 @@ def read_markup_pairs(paths: Sequence[StrPath], source: MeshLike, target: MeshLi
             if key not in keys or key not in its:
                 warn(f"only one of {paths[0]} and {paths[1]} has a point {label!r}: left out")
         rows = [i for i, key in enumerate(keys) if key in its]
+        labels = [labels[i] for i in rows]
         first, second = first[rows], second[[its.index(keys[i]) for i in rows]]
     if len(first) != len(second):
         raise InputError(
@@ -158,7 +161,7 @@ def read_markup_pairs(paths: Sequence[StrPath], source: MeshLike, target: MeshLi
     named = (any(not re.fullmatch(r"(.*-)?\d+|", key) for key in one) for one in (keys, its))
     if not in_common and all(named):
         warn(f"{paths[0]} and {paths[1]} have no label in common: points are paired by order")
-    return np.column_stack([first, second])
+    return labels, np.column_stack([first, second])
 
 
 def write_markups(
