@@ -21,7 +21,8 @@ _SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.5]], dtype="<f4")
 
 def cases() -> Iterator[Case]:
     """Give a case for each damaged file."""
-    for name, suffix, content, sentence in (*_off(), *_obj(), *_ply(), *_stl(), *_points()):
+    files = (*_off(), *_obj(), *_ply(), *_stl(), *_vtk(), *_points())
+    for name, suffix, content, sentence in files:
         yield _bad_file(name, suffix, content, sentence)
     yield from _odd_but_whole()
 
@@ -258,6 +259,25 @@ def _stl() -> Iterator[_Row]:
     yield "STL, NaN", ".stl", b"b" * 80 + struct.pack("<I", 1) + holes, "not a finite"
     signalling = triangle[:36] + struct.pack("<I", 0x7F800001) + triangle[40:]
     yield "STL, a signalling NaN", ".stl", b"b" * 80 + struct.pack("<I", 1) + signalling, "finite"
+
+
+def _vtk() -> Iterator[_Row]:
+    head = "# vtk DataFile Version 4.2\nbad\nASCII\nDATASET POLYDATA\n"
+    points = "POINTS 4 float\n0 0 0 1 0 0 1 1 0 0 1 0.5\n"
+    text = f"{head}{points}POLYGONS 2 8\n3 0 1 2 3 0 2 3\nPOINT_DATA 4\nSCALARS heat int\n"
+    text += "LOOKUP_TABLE default\n1 2 3 4\n"
+    yield "VTK, values cut off", ".vtk", text[:-2], "promises 4 numbers of heat, but ends"
+    yield "VTK, polygons cut off", ".vtk", text[: text.index("POINT_DATA") - 3], "truncated"
+    yield "VTK, another number of polygons", ".vtk", text.replace("S 2 8", "S 3 8"), "not 3 cells"
+    yield "VTK, a polygon of vertex 4", ".vtk", text.replace("0 2 3\n", "0 2 4\n"), "vertex 4"
+    yield "VTK, a word for a number", ".vtk", text.replace("0.5", "half"), "'half'"
+    yield "VTK, NaN", ".vtk", text.replace("0.5", "nan"), "not a finite"
+    yield "VTK, an unknown line", ".vtk", text.replace("SCALARS", "SPHERES"), "SPHERES heat"
+    places = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.5]], ">f4").tobytes()
+    binary = f"{head.replace('ASCII', 'BINARY')}POINTS 4 float\n".encode() + places
+    yield "VTK binary, cut off", ".vtk", binary[:-5], "truncated: it promises 12 numbers of POINTS"
+    cells = struct.pack(">8i", 3, 0, 1, 2, 3, 0, 2, -9)
+    yield "VTK binary, polygon of vertex -9", ".vtk", binary + b"\nPOLYGONS 2 8\n" + cells, "-9"
 
 
 def _points() -> Iterator[_Row]:

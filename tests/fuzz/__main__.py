@@ -16,6 +16,7 @@ FOLLOWED = (
     "unbend.io._values",
     *(f"unbend.io.formats.{one}" for one in ("contents", "npy", "obj", "off", "ply", "points")),
     "unbend.io.formats.stl",
+    "unbend.io.formats.vtk",
     "unbend.correspondence._archive",
     "unbend.mesh._mesh",
     "unbend.mesh._topology",

@@ -18,7 +18,7 @@ from unbend.io.formats import obj
 from unbend.preparation import prepare
 
 _FOLDER = Path(tempfile.mkdtemp(dir="/dev/shm" if os.path.isdir("/dev/shm") else None))
-_MESHES = (".off", ".obj", ".ply", ".stl", ".xyz", ".npy")
+_MESHES = (".off", ".obj", ".ply", ".stl", ".xyz", ".npy", ".vtk")
 _MAPS = (".txt", ".csv", ".vts", ".npy")
 _VALUES = (".csv", ".txt", ".npy", ".ply", ".obj")
 _N = 42  # vertices that maps and values are for
