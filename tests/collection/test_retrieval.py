@@ -71,6 +71,14 @@ def test_a_shape_can_be_kept_from_the_copy_of_it_that_asks():
     assert found.map == pytest.approx((1 / 2 + 1) / 2)
 
 
+def test_shapes_without_label_neither_ask_nor_are_found():
+    places = np.array([0.0, 0.1, 1.0, 3.0, 9.0, 9.1])
+    apart, labelled = abs(places[:, None] - places), [0, 2, 3, 4]
+    found = retrieval_measures(apart, ["a", None, "a", "b", "b", None])
+    expected = retrieval_measures(apart[np.ix_(labelled, labelled)], list("aabb"))
+    assert str(found.to_dict()) == str(expected.to_dict())
+
+
 def test_of_equals_the_first_comes_first():
     assert one_query(0, 1).nearest_neighbor == 0
     assert retrieval_measures([[3.0, 3.0]], [0, 1], [1]).nearest_neighbor == 0

@@ -79,7 +79,8 @@ def retrieval_measures(
         From each query to each shape; of equals the first comes first. NaN leaves a shape out of
         the query's list, as it should be where the query is a damaged copy of it.
     labels : (n,) array_like
-        The class of each shape.
+        The class of each shape; one whose label is None, as :func:`read_labels` gives it, is left
+        out.
     query_labels : (n_queries,) array_like, optional
         Default: the queries are the shapes themselves, and none finds itself.
 
@@ -118,6 +119,7 @@ def retrieval_measures(
         )
     if query_labels is None:
         np.fill_diagonal(matrix, np.nan)
+    matrix[:, [label is None for label in classes]] = np.nan
     rows = [_of_query(*pair) for pair in zip(matrix, asked[:, None] == classes, strict=True)]
     kept = np.array([row for row in rows if row is not None])
     if not len(kept):

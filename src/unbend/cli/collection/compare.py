@@ -159,13 +159,10 @@ def evaluate(store: str, labels: str) -> None:
     $ unbend collection evaluate shapes labels.csv
     $ unbend collection evaluate shapes labels.csv --json
     """
-    import numpy as np
-
     entries, distances = opened(store).distances()
     found = unbend.collection.read_labels(labels, [(entry.path, *entry.also) for entry in entries])
-    kept = [i for i, label in enumerate(found) if label is not None]
-    classes = [found[i] for i in kept]
-    if left_out := len(entries) - len(kept):
+    classes = [label for label in found if label is not None]
+    if left_out := len(entries) - len(classes):
         say("note", f"{left_out:,} of {len(entries):,} shapes have no label that counts")
     if len(set(classes)) == 1:
         say(
@@ -173,13 +170,13 @@ def evaluate(store: str, labels: str) -> None:
             "all labelled shapes are of one class, so that every result is right, whatever the "
             "descriptors",
         )
-    measured = unbend.collection.retrieval_measures(distances[np.ix_(kept, kept)], classes)
+    measured = unbend.collection.retrieval_measures(distances, found)
     names = ("nearest_neighbor", "first_tier", "second_tier", "e_measure", "dcg", "map")
     heads = ("nearest neighbour", "first tier", "second tier", "E-measure", "DCG", "mAP")
     values = [f"{getattr(measured, name):.1%}" for name in names]
     lines = dict(zip(heads, values, strict=True))
     curve = [f"{measured.precision[i]:.0%} at {measured.recall[i]:.0%}" for i in (4, 9, 14, 19)]
     lines["precision"] = f"{' recall, '.join(curve)} recall"
-    lines["shapes"] = f"{len(kept):,} of {len(set(classes)):,} classes"
-    counts = {"n_shapes": len(kept), "n_classes": len(set(classes))}
+    lines["shapes"] = f"{len(classes):,} of {len(set(classes)):,} classes"
+    counts = {"n_shapes": len(classes), "n_classes": len(set(classes))}
     tell({"store": store, **measured.to_dict(), **counts}, output.rows(lines))
