@@ -10,11 +10,14 @@ import os
 import queue
 import signal
 import sys
+import threading
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from datetime import timedelta
+from multiprocessing import resource_tracker
 from typing import Any, NamedTuple
 
 from unbend._arrays import check_whole
@@ -283,11 +286,27 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
 
 
 def _local_cluster(**options: Any) -> Any:
+    """Start a cluster from a thread that no Ctrl-C reaches, and so none of its processes.
+
+    They would print tracebacks where they are still importing.
+    """
     from distributed import LocalCluster
     from distributed.deploy import spec
 
+    made: Future[Any] = Future()
+
+    def make() -> None:
+        try:
+            if hasattr(signal, "pthread_sigmask"):  # not on Windows
+                resource_tracker.ensure_running()  # to start it later would unblock the signal
+                signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+            made.set_result(LocalCluster(**options))
+        except BaseException as error:
+            made.set_exception(error)
+
+    threading.Thread(target=make, daemon=True).start()
     try:
-        return LocalCluster(**options)
+        return made.result()
     except KeyboardInterrupt:
         # At exit, Dask would log errors about the unfinished cluster, whose processes end anyway.
         atexit.unregister(spec.close_clusters)
