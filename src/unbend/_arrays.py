@@ -46,6 +46,8 @@ def array_of(values: npt.ArrayLike, what: str) -> npt.NDArray[Any]:
 def values_of(values: npt.ArrayLike, what: str) -> npt.NDArray[Any]:
     """Turn real numbers, truth values or text into an array; raise InputError for all else."""
     array = array_of(values, what)
+    if array.dtype.kind == "O" and all(isinstance(one, str) for one in array.flat):
+        array = array.astype(np.str_)  # as a column of pandas holds it
     if array.dtype.kind not in "biufU":
         raise InputError(f"{what} of type {array.dtype} are neither numbers nor labels")
     return array

@@ -58,6 +58,8 @@ def test_the_identity_changes_nothing(blob: Mesh) -> None:
     np.testing.assert_allclose(carried, blob.vertices, atol=1e-12)
     labels = np.where(blob.vertices[:, 0] > 0, "front", "back")
     np.testing.assert_array_equal(transfer(labels, same, source=blob, target=blob), labels)
+    column = labels.astype(object)  # as pandas has it
+    np.testing.assert_array_equal(transfer(column, same, source=blob, target=blob), labels)
 
 
 def test_positions_carried_through_faces_are_finer_than_through_vertices() -> None:
@@ -173,6 +175,7 @@ ONE = _match([0], [0])
         ([1.0], ONE, {"kind": "mean"}, "kind must be"),
         (["a"], ONE, {"kind": "scalar"}, "cannot be averaged"),
         ([1j], ONE, {}, "neither numbers nor labels"),
+        ([None], ONE, {}, "neither numbers nor labels"),
         ([[0.5, 0.5], [0.5, 0.6]], _match([0, 0], [0]), {"kind": "weights"}, "sums; row 1 .* 1.1"),
         ([[0, 1], [1.5, -0.5]], _match([0, 0], [0]), {"kind": "weights"}, "row 1 .* least is -0.5"),
         ([0.5, 0.5], _match([0, 0], [0]), {"kind": "weights"}, "must be rows"),
