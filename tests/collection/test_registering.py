@@ -3,6 +3,7 @@
 import csv
 import os
 import shutil
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -143,6 +144,22 @@ def test_what_is_there_is_not_touched_again_and_what_is_missing_is_made_again(
     assert collection.register(out / "template.obj", out, workers=0).registered == 1
     done = collection.register(out / "template.obj", out, workers=0)
     assert (done.registered, done.skipped, len(done.failures)) == (0, 3, 1)
+
+
+def test_what_another_run_is_just_writing_stays(
+    own: tuple[Collection, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    collection, out = own
+    other = out / ".vertices.csv.01234567.part"
+
+    def attempt_all(*given: Any, of: Any = _registering.attempt_all) -> list[Any]:
+        other.touch()
+        os.utime(other, (time.time(), time.time()))
+        return of(*given)
+
+    monkeypatch.setattr(_registering, "attempt_all", attempt_all)
+    collection.register(out / "template.obj", out, workers=0)
+    assert other.exists()
 
 
 def test_tables_that_a_run_did_not_finish_are_not_read(

@@ -129,7 +129,7 @@ def _register(
     workers: Engine,
     progress: Progress | None,
 ) -> Registered:
-    start = time.monotonic()
+    start, began = time.monotonic(), time.time()
     mesh = read_mesh(template)
     if mesh.is_point_cloud:
         raise InputError(f"{mesh.name}: a template needs faces, and this is a point cloud")
@@ -156,7 +156,8 @@ def _register(
         failed = attempt_all(run, register_shape, left, "shapes", progress)
     every = (*failures, *lost, *failed)
     bad = {one.path for one in every}
-    rows = _write_tables(folder, mesh, [task for task in tasks if task.name not in bad], every)
+    good = [task for task in tasks if task.name not in bad]
+    rows = _write_tables(folder, mesh, good, every, began)
     seconds = time.monotonic() - start
     return Registered(len(left) - len(failed), len(done) - len(lost), rows, every, seconds)
 
@@ -251,7 +252,7 @@ def _load(path: Path, template: Mesh, name: str) -> tuple[Registration, tuple[st
 
 
 def _write_tables(
-    folder: Path, template: Mesh, tasks: Sequence[Task], failures: Iterable[Failure]
+    folder: Path, template: Mesh, tasks: Sequence[Task], failures: Iterable[Failure], began: float
 ) -> tuple[RegisteredShape, ...]:
     """Write all positions in bounded memory, then the rows that say whose they are."""
     table = folder / _TABLE
@@ -259,9 +260,10 @@ def _write_tables(
         table.unlink(missing_ok=True)
     except OSError as error:
         raise FileError(f"cannot write {table}: {error.strerror or error}") from error
-    for part in folder.glob(".vertices.*.part"):  # of a run that was killed
+    for part in folder.glob(".vertices.*.part"):
         with suppress(OSError):
-            part.unlink()
+            if part.stat().st_mtime < began:  # of a run that was killed, not of one beside this
+                part.unlink()
     shapes: list[RegisteredShape] = []
     head = "shape", "path", "file", "confidence", "coverage", "mean_distance", "distance_95"
     lines: list[Iterable[object]] = [(*head, "status", "warnings", "also")]
