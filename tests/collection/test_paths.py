@@ -86,6 +86,17 @@ def test_a_bad_file_fails_under_each_of_its_names(tmp_path: Path, store: Collect
     assert (done.added, done.skipped, done.new_paths) == (0, 0, 0)
 
 
+def test_a_twin_under_a_wrong_suffix_fails_alone(
+    pair: list[str], tmp_path: Path, store: Collection
+) -> None:
+    wrong = copied(pair[0], tmp_path / "a.obj")  # before the others
+    for added in (1, 0):
+        done = store.add(tmp_path, workers=0)
+        assert [one.path for one in done.failures] == [wrong]
+        assert done.added == added
+        assert list(paths_in(store).values()) == [tuple(pair)]
+
+
 def test_the_twin_of_a_file_that_kills_its_worker_fails_too(
     pair: list[str], store: Collection, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -57,44 +58,45 @@ class _Adding:
         self._store, self._tell = store, tell
         self._rows: list[dict[str, Any]] = []
         self._next = 0.0  # when the next commit is due
-        self._given: set[str] = set()  # hashes of what workers were given
-        self._bad: dict[str, Failure] = {}  # by hashes of these
-        self._copies: list[File] = []  # other files with such hashes
+        self._given: set[File] = set()  # what workers were given, see _kind
+        self._bad: dict[File, Failure] = {}  # by these
+        self._copies: list[File] = []  # other files like these
 
     def fresh(self, given: Sequence[str]) -> Iterator[File | None]:
         """Files with new content, and None after each batch."""
         for files, failures in hashed(find_files(given)):
             self.failures += failures
-            paths = self._update(files)
+            known = self._update(files)
             for file in files:
-                if file[1] in paths:
+                if _kind(file) in known:
                     self.skipped += 1
-                elif file[1] in self._given:
+                elif _kind(file) in self._given:
                     self.skipped += 1
                     self._copies.append(file)
                 else:
-                    self._given.add(file[1])
+                    self._given.add(_kind(file))
                     yield file
             yield None
 
-    def _update(self, files: Sequence[File]) -> dict[str, list[str]]:
-        """Update the paths of shapes in the store that are in these files; return the old ones."""
+    def _update(self, files: Sequence[File]) -> set[File]:
+        """Update the paths of shapes in the store that are in these files; return their kinds."""
         paths = self._store.paths_of({digest for _, digest in files})
+        known = {_kind((path, digest)) for digest, some in paths.items() for path in some}
         new = [
             (path, digest)
             for path, digest in dict.fromkeys(files)
-            if digest in paths and path not in paths[digest]
+            if _kind((path, digest)) in known and path not in paths[digest]
         ]
         self._store.add_paths(new)  # first, so that an interruption loses no path
         self.new_paths += len(new)
         old = {path for _, digest in files for path in paths.get(digest, [])}
         self._store.remove(sorted(filter(is_gone, old - {path for path, _ in files})))
-        return paths
+        return known
 
     def take(self, outcomes: list[Outcome]) -> None:
         """Keep rows and failures, commit if it is time, and tell how far it is."""
         self._rows += [one.value for one in outcomes if one.reason is None]
-        bad = {file[1]: Failure(file[0], why) for file, _, why in outcomes if why is not None}
+        bad = {_kind(file): Failure(file[0], why) for file, _, why in outcomes if why is not None}
         self._bad |= bad
         if bad:
             self._fail(list(bad.values()))
@@ -123,10 +125,17 @@ class _Adding:
         """Add the paths of copies, or let them fail as their original did."""
         for i in range(0, len(self._copies), _MOST_ROWS):
             some = self._copies[i : i + _MOST_ROWS]
-            self._update([file for file in some if file[1] not in self._bad])
-            bad = [replace(self._bad[one], path=path) for path, one in some if one in self._bad]
+            self._update([file for file in some if _kind(file) not in self._bad])
+            failed = [file for file in some if _kind(file) in self._bad]
+            bad = [replace(self._bad[_kind(file)], path=file[0]) for file in failed]
             self._fail(bad)
             self.skipped -= len(bad)
+
+
+def _kind(file: File) -> File:
+    """Suffix and hash: the same bytes are read otherwise, or not at all, under another suffix."""
+    path, digest = file
+    return os.path.splitext(path)[1].lower(), digest
 
 
 def make_row(file: File) -> dict[str, Any]:
