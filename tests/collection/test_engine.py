@@ -1,10 +1,10 @@
 """The engine: results come as they are done, and a worker that dies stops nothing."""
 
-import atexit
 import io
 import itertools
 import logging
 import os
+import signal
 import sys
 from collections.abc import Iterator
 from concurrent.futures import Future
@@ -226,39 +226,25 @@ def test_workers_share_what_the_user_allows(monkeypatch: pytest.MonkeyPatch) -> 
     assert os.environ[LIMIT_VARIABLE] == "4"
 
 
-def test_a_cluster_that_is_ended_half_made_is_left_to_itself(
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows cannot hold signals back")
+def test_an_interruption_waits_until_the_cluster_can_be_closed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Dask would try to close it at exit, and print a traceback."""
     import distributed
 
-    def interrupted(**options: object) -> None:
-        raise KeyboardInterrupt
+    start = distributed.LocalCluster
+    made = []
 
-    left: list[object] = []
+    def interrupted(**options: object) -> object:
+        signal.raise_signal(signal.SIGINT)
+        made.append(start(**options))
+        return made[0]
+
     monkeypatch.setattr(distributed, "LocalCluster", interrupted)
-    monkeypatch.setattr(atexit, "unregister", left.append)
-    with pytest.raises(KeyboardInterrupt), engine(workers=1) as run:
-        results(run, ["1"])
-    assert left == [distributed.deploy.spec.close_clusters]
-
-
-@pytest.mark.parametrize(
-    ("counts", "total", "words", "share"),
-    [
-        ((100, 900, 3), 2000, "1,000 of 2,000 shapes, 3 failed, 10 a second, 1:40 left", 0.5),
-        ((1, 0, 0), 4, "1 of 4 shapes, 0.1 a second, 0:30 left", 0.25),
-        ((1, 0, 0), 200, "1 of 200 shapes, 0.1 a second, 33:10 left", 0.005),
-        ((1, 0, 0), 1000, "1 of 1,000 shapes, 0.1 a second, 2:46:30 left", 0.001),
-    ],
-)
-def test_progress_tells_the_rate_and_the_time_left(
-    monkeypatch: pytest.MonkeyPatch, counts: tuple, total: int, words: str, share: float
-) -> None:
-    now = [0.0]
-    monkeypatch.setattr(_engine.time, "monotonic", lambda: now[0])
-    told = []
-    tell = _engine.counted(lambda stage, share: told.append((stage, share)), "shapes", total)
-    now[0] = 10.0
-    tell(*counts)
-    assert told == [(words, share)]
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # it may be ignored here
+    try:
+        with pytest.raises(KeyboardInterrupt), engine(workers=1) as run:
+            results(run, ["1"])
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert made[0].status == distributed.Status.closed

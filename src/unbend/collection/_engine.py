@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
 import functools
 import itertools
 import logging
@@ -10,11 +9,9 @@ import os
 import queue
 import signal
 import sys
-import threading
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Future
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from datetime import timedelta
 from multiprocessing import resource_tracker
@@ -237,7 +234,7 @@ def _plan(client: Any) -> tuple[int, int]:
 def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     try:
         import dask
-        from distributed import Client
+        from distributed import Client, LocalCluster
     except ImportError:
         raise MissingExtraError("dask", "distributed") from None
     if scheduler is not None:
@@ -268,49 +265,38 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     with (
         dask.config.set(settings),
         _setting(share, memory),
-        _local_cluster(
-            n_workers=count,
-            threads_per_worker=1,
-            memory_limit=memory,
-            host="127.0.0.1",
-            dashboard_address="127.0.0.1:0",  # any free port
-            silence_logs=logging.CRITICAL,
-            preload=[__name__],
-        ) as cluster,
-        Client(cluster, set_as_default=False) as client,
+        ExitStack() as stack,
     ):
+        with _interrupted_later():
+            cluster = LocalCluster(
+                n_workers=count,
+                threads_per_worker=1,
+                memory_limit=memory,
+                host="127.0.0.1",
+                dashboard_address="127.0.0.1:0",  # any free port
+                silence_logs=logging.CRITICAL,
+                preload=[__name__],
+            )
+            stack.enter_context(cluster)
+        client = stack.enter_context(Client(cluster, set_as_default=False))
         _wait_for_workers(client, "the machine is too busy, or out of memory")
         yield client
         with suppress(TimeoutError):  # Dask cannot stop a worker that is just starting
             client.wait_for_workers(count, timeout=_PATIENCE_SECONDS)
 
 
-def _local_cluster(**options: Any) -> Any:
-    """Start a cluster from a thread that no Ctrl-C reaches, and so none of its processes.
-
-    They would print tracebacks where they are still importing.
-    """
-    from distributed import LocalCluster
-    from distributed.deploy import spec
-
-    made: Future[Any] = Future()
-
-    def make() -> None:
-        try:
-            if hasattr(signal, "pthread_sigmask"):  # not on Windows
-                resource_tracker.ensure_running()  # to start it later would unblock the signal
-                signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-            made.set_result(LocalCluster(**options))
-        except BaseException as error:
-            made.set_exception(error)
-
-    threading.Thread(target=make, daemon=True).start()
+@contextmanager
+def _interrupted_later() -> Iterator[None]:
+    """Let Ctrl-C wait; processes that start here, which would print tracebacks, never hear it."""
+    if not hasattr(signal, "pthread_sigmask"):  # on Windows
+        yield
+        return
+    resource_tracker.ensure_running()  # to start it later would unblock the signal
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        return made.result()
-    except KeyboardInterrupt:
-        # At exit, Dask would log errors about the unfinished cluster, whose processes end anyway.
-        atexit.unregister(spec.close_clusters)
-        raise
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def dask_setup(worker: Any) -> None:
