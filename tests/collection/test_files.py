@@ -15,7 +15,15 @@ from unbend.errors import FileError, UnbendWarning
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    for name in ("b.ply", "a.OBJ", "deep/er/c.stl", "deep/d.off", "points.xyz", "labels.npy"):
+    for name in (
+        "b.ply",
+        "a.OBJ",
+        "deep/er/c.stl",
+        "deep/d.off",
+        "g.vtk",
+        "points.xyz",
+        "labels.npy",
+    ):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(name)
     (tmp_path / ".git").mkdir()
@@ -30,7 +38,7 @@ def found(*given: str) -> list[str]:
 
 
 def test_folders_are_searched_for_surfaces(folder: Path) -> None:
-    assert found(".") == ["a.OBJ", "b.ply", "deep/d.off", "deep/er/c.stl"]
+    assert found(".") == ["a.OBJ", "b.ply", "g.vtk", "deep/d.off", "deep/er/c.stl"]
     assert found("deep/er", "b.ply") == ["deep/er/c.stl", "b.ply"]
     assert all(os.path.isabs(path) for path in find_files(["."]))
 

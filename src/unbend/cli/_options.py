@@ -90,7 +90,7 @@ def count(name: str, least: int | None = 1) -> Any:
 
 # Of options that several commands take; the docstring of a command may say something else.
 HELP = {
-    "meshes": ".off, .obj, .ply, .stl, .xyz or .npy files, or folders of them.",
+    "meshes": ".off, .obj, .ply, .stl, .vtk, .xyz or .npy files, or folders of them.",
     "mesh": "A .off, .obj, .ply, .stl, .vtk, .xyz or .npy file, or what trimesh and meshio read.",
     "source": "The mesh to map from.",
     "target": "The mesh to map to.",
