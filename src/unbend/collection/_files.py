@@ -22,7 +22,8 @@ from unbend.errors import FileError, UnbendError, warn
 from unbend.io import READ_SUFFIXES, read_mesh
 from unbend.mesh import Mesh
 
-_SUFFIXES = (".off", ".obj", ".ply", ".stl", ".vtk")  # added from folders; others by name or pattern only
+# Of what is added from folders; other files are by name or pattern only.
+_SUFFIXES = (".off", ".obj", ".ply", ".stl", ".vtk")
 _OTHERS = tuple(one for one in READ_SUFFIXES if one not in (*_SUFFIXES, ".npy"))
 _FILES_AT_ONCE = 256
 REGISTRATIONS = "registrations"  # folder of a file per shape, beside its registered mesh

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from unbend._types import IntArray
 from unbend.errors import FileError
-from unbend.io.formats.contents import NO_FACES, Contents, count, misfit, numbers_in, triangulate
+from unbend.io.formats.contents import Contents, count, misfit, numbers_in, triangulate
 
 _START = re.compile(rb"# vtk DataFile.* (\d)\.\d.*\n.*\n\s*(ASCII|BINARY)\s+DATASET\s+POLYDATA\b")
 _TYPES = {
@@ -94,7 +94,7 @@ class _Reader:
 
 def read(data: bytes) -> Contents:
     """Read positions and polygons, and the values of points."""
-    file, faces, notes, rows = _Reader(data), NO_FACES, list[str](), "0"
+    file, rows = _Reader(data), "0"
     vertices, cells = np.empty((0, 3)), (np.empty(0, np.int64), np.empty(0, np.int64))
     values: dict[str, npt.NDArray[Any]] = {}
     arrays = values.copy()  # those of the whole, of points, or of cells
