@@ -178,6 +178,23 @@ def test_a_patch_has_none_only_where_the_other_shape_ends() -> None:
     assert found.registered.target.overlap.all()
 
 
+@pytest.mark.parametrize("subdivisions", [3, 5])
+def test_what_ends_near_the_cut_stays_without_partner_on_fine_meshes_too(subdivisions: int) -> None:
+    """A 30th of the square root of the area is between one and four edges."""
+    ball = make_sphere(subdivisions)
+    height = ball.vertices[:, 2]
+    bitten = keep(ball, height <= 0.6)
+    whole, part = (prepare_shape(one, 10, partial=True).shape for one in (ball, bitten.mesh))
+    back, ahead = bitten.origin, cKDTree(bitten.mesh.vertices).query(ball.vertices)[1]
+    poses = mapped_start(whole, part, ahead, back, 1.0)[2:]
+    poses = [poses[0]._replace(overlap=height < 0.5), poses[1]._replace(overlap=back >= 0)]
+    begun = replace(candidate(0.1), registered=Registered(ahead, back, *poses))
+    levels = [SimpleNamespace(shape=shape) for shape in (whole, part)]
+    found = with_partners(begun, SimpleNamespace(source=levels[0], target=levels[1]), 0.0)
+    off = np.abs(height - 0.5) > 0.1
+    np.testing.assert_array_equal(found.registered.source.overlap[off], height[off] < 0.5)
+
+
 def test_half_of_those_around_is_not_most() -> None:
     corners = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
     faces = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])

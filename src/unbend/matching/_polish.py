@@ -152,7 +152,7 @@ def with_partners(candidate: Candidate, sides: Sides, least: float) -> Candidate
     for shape, goal, way in ((ours, theirs, found), (theirs, ours, found.back())):
         pose, other, point_map = way.source, way.target, way.forward
         overlap = _as_most_around(shape, pose.overlap)[:, None]
-        near = shape.edge + goal.edge  # maps are no longer rough
+        near = max(constants.PATCH, shape.edge + goal.edge)
         size, maps = np.array([pose.size]), point_map[:, None]
         overlap = keep_matched(shape, goal, overlap, size, maps, near)[:, 0]
         extra = pose.extra | np.broadcast_to(other.extra, len(goal.areas))[point_map]
