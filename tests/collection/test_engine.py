@@ -248,3 +248,24 @@ def test_an_interruption_waits_until_the_cluster_can_be_closed(
     finally:
         signal.signal(signal.SIGINT, before)
     assert made[0].status == distributed.Status.closed
+
+
+@pytest.mark.parametrize(
+    ("counts", "total", "words", "share"),
+    [
+        ((100, 900, 3), 2000, "1,000 of 2,000 shapes, 3 failed, 10 a second, 1:40 left", 0.5),
+        ((1, 0, 0), 4, "1 of 4 shapes, 0.1 a second, 0:30 left", 0.25),
+        ((1, 0, 0), 200, "1 of 200 shapes, 0.1 a second, 33:10 left", 0.005),
+        ((1, 0, 0), 1000, "1 of 1,000 shapes, 0.1 a second, 2:46:30 left", 0.001),
+    ],
+)
+def test_progress_tells_the_rate_and_the_time_left(
+    monkeypatch: pytest.MonkeyPatch, counts: tuple, total: int, words: str, share: float
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr(_engine.time, "monotonic", lambda: now[0])
+    told = []
+    tell = _engine.counted(lambda stage, share: told.append((stage, share)), "shapes", total)
+    now[0] = 10.0
+    tell(*counts)
+    assert told == [(words, share)]
