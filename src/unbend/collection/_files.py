@@ -22,7 +22,7 @@ from unbend.errors import FileError, UnbendError, warn
 from unbend.io import READ_SUFFIXES, read_mesh
 from unbend.mesh import Mesh
 
-# Of what is added from folders; other files are by name or pattern only.
+# Of files that folders are searched for; others are added by name or pattern only.
 _SUFFIXES = (".off", ".obj", ".ply", ".stl", ".vtk")
 _OTHERS = tuple(one for one in READ_SUFFIXES if one not in (*_SUFFIXES, ".npy"))
 _FILES_AT_ONCE = 256

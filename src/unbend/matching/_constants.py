@@ -11,8 +11,8 @@ from __future__ import annotations
 # How the matcher sees a body.
 LIMB = 0.22  # Two points farther apart than this along the surface are on different limbs.
 # Radius of the patches that maps are scored by; rough maps are smoothed over twice it. No limb is
-# shorter, along a shorter piece of a boundary nothing was cut off, and what returns this near is
-# consistent.
+# shorter, along a shorter piece of a boundary nothing was cut off, what returns this near is
+# consistent, and what ends this near a boundary was cut off there.
 PATCH = 0.08
 
 # How hypotheses are made.

@@ -97,7 +97,7 @@ def read(data: bytes) -> Contents:
     file, rows = _Reader(data), "0"
     vertices, cells = np.empty((0, 3)), (np.empty(0, np.int64), np.empty(0, np.int64))
     values: dict[str, npt.NDArray[Any]] = {}
-    arrays = values.copy()  # those of the whole, of points, or of cells
+    arrays: dict[str, npt.NDArray[Any]] = {}  # those of the whole, of points, or of cells
     while (words := file.line())[0]:
         key, name, size, third = words[0].upper(), *words[1:4]
         if key == "POINTS":
