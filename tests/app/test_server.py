@@ -1,13 +1,16 @@
 """The app's server over HTTP: what it lets nobody do, and the way of a shape through it."""
 
 import json
+import queue
+import tempfile
+import threading
 from pathlib import Path
 from urllib.parse import quote
 
 import pytest
 
 from unbend import Mesh, write_mesh
-from unbend.app import _session
+from unbend.app import _server, _session, serve
 from unbend.app._requests import check_request
 from unbend.datasets import make_quadruped, make_sphere
 from unbend.errors import InputError
@@ -31,6 +34,35 @@ def shape(state, i: int):
 def test_what_a_killed_run_left_is_removed_at_the_next_start(app, temporary: Path) -> None:
     assert list(temporary.glob("*-killed")) == []
     assert len(list(temporary.glob("*-runs"))) == 1  # at its port another app listens
+
+
+def test_closing_the_last_page_ends_the_app_and_what_it_computes(app, tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(_server, "_CLOSED_SECONDS", 0.0)
+    begun, go_on, address = threading.Event(), threading.Event(), queue.Queue()
+
+    class Endless(_session.Worker):
+        def run(self, job, progress):
+            begun.set()
+            assert go_on.wait(60)
+            return {}
+
+        def close(self):
+            go_on.set()
+            super().close()
+
+    monkeypatch.setattr(_session, "Worker", Endless)
+    monkeypatch.setattr(_server, "Session", _session.Session)
+    given = {"ready": address.put}
+    thread = threading.Thread(target=serve, args=([],), kwargs=given, daemon=True)
+    thread.start()
+    other = type(app)(address.get(timeout=60), None)
+    other.get("state?tab=one")
+    other.send("POST", "jobs", {"do": "sample"})
+    assert begun.wait(60)
+    other.send("POST", "bye?tab=one")
+    thread.join(60)
+    assert not thread.is_alive()
 
 
 @pytest.mark.parametrize(

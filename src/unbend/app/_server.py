@@ -59,7 +59,7 @@ def serve(
             @contextlib.asynccontextmanager
             async def lifetime(app: Any) -> AsyncIterator[None]:
                 opening = asyncio.create_task(asyncio.to_thread(ready, address))
-                watch = asyncio.create_task(_stop_when_closed(server, session, tabs))
+                watch = asyncio.create_task(_stop_when_closed(server, tabs))
                 yield
                 watch.cancel()
                 opening.cancel()
@@ -80,7 +80,7 @@ def serve(
             session.close()
 
 
-async def _stop_when_closed(server: Any, session: Session, tabs: dict[str, float]) -> None:
+async def _stop_when_closed(server: Any, tabs: dict[str, float]) -> None:
     """End the server some seconds after the last page was closed; `tabs` has when it spoke."""
     heard = time.monotonic()
     while True:
@@ -88,5 +88,5 @@ async def _stop_when_closed(server: Any, session: Session, tabs: dict[str, float
         now = time.monotonic()
         if not tabs or max(tabs.values()) > now - _SILENT_SECONDS:
             heard = now
-        if now - heard > (_SILENT_SECONDS if session.busy else _CLOSED_SECONDS):
+        if now - heard > _CLOSED_SECONDS:
             server.should_exit = True

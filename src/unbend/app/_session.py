@@ -55,10 +55,6 @@ class Session:
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
-    @property
-    def busy(self) -> bool:
-        return bool(self._jobs)
-
     def close(self) -> None:
         """End the worker and remove all files."""
         with self._changed:
