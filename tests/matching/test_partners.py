@@ -16,6 +16,7 @@ from unbend.matching._partners import cycle_consistent, keep_matched
 from unbend.matching._shape import Shape
 
 BALL = make_sphere(3)
+NEAR = 0.3, 0.3
 
 
 class Bitten(NamedTuple):
@@ -42,7 +43,9 @@ def bitten(request: pytest.FixtureRequest) -> Bitten:
     return _bitten(request.param)
 
 
-def _kept(one: Bitten, overlap: BoolArray, times: float = 1.0, near: float = 0.3) -> BoolArray:
+def _kept(
+    one: Bitten, overlap: BoolArray, times: float = 1.0, near: tuple[float, float] = NEAR
+) -> BoolArray:
     size = np.full(overlap.shape[1], times * one.size)
     nearest = cKDTree(one.whole.vertices[one.origin]).query(one.whole.vertices)[1]
     point_maps = nearest[:, None].repeat(overlap.shape[1], axis=1)
@@ -83,7 +86,7 @@ def test_the_outline_of_half_a_square_is_as_long_as_its_side(axis: int) -> None:
     half = (square.vertices[:, axis] > 0)[:, None]
     for length, kept in ((0.33, True), (0.34, False)):
         square.__dict__["boundary_length"] = length
-        overlap = keep_matched(square, square, ~half, np.ones(1), np.arange(144)[:, None], 0.3)
+        overlap = keep_matched(square, square, ~half, np.ones(1), np.arange(144)[:, None], NEAR)
         np.testing.assert_array_equal(overlap, ~half | kept)
 
 
@@ -120,7 +123,18 @@ def test_only_what_ends_near_the_rim_has_no_partner(bitten: Bitten, near: float)
         cap = _cap(bitten.whole, (np.cos(middle), 0.0, np.sin(middle)), np.cos(0.3))
         assert cap.any()
         assert not (cap & bitten.cap).any()
-        np.testing.assert_array_equal(_kept(bitten, ~cap, near=near), ~cap | kept)
+        np.testing.assert_array_equal(_kept(bitten, ~cap, near=(near, near)), ~cap | kept)
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize(("angle", "kept"), [(0.3, True), (0.4, False)])
+def test_a_patch_too_small_for_a_part_must_end_nearer(angle: float, kept: bool) -> None:
+    """Caps of a 50th and a 25th of the area, about as far from the rim."""
+    one = _bitten(0.6)
+    middle = np.arcsin(0.6) - 0.4 - angle
+    cap = _cap(one.whole, (np.cos(middle), 0.0, np.sin(middle)), np.cos(angle))
+    overlap = _kept(one, ~cap, near=(0.05, 0.3))
+    np.testing.assert_array_equal(overlap, ~cap | kept)
 
 
 @pytest.mark.kernels
@@ -128,9 +142,9 @@ def test_without_a_rim_nothing_is_without_partner_unless_all_is(bitten: Bitten) 
     n = len(bitten.cap)
     every, size = np.arange(n)[:, None], np.ones(1)
     ball = bitten.whole
-    assert keep_matched(ball, ball, ~bitten.cap, size, every, 0.3).all()
+    assert keep_matched(ball, ball, ~bitten.cap, size, every, NEAR).all()
     none = np.zeros((n, 1), dtype=bool)
-    assert not keep_matched(ball, ball, none, size, every, 0.3).any()
+    assert not keep_matched(ball, ball, none, size, every, NEAR).any()
 
 
 def test_nothing_that_was_given_is_changed(bitten: Bitten) -> None:

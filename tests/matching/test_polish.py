@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 from sheets import make_egg, make_sheet
 from testshapes.damage import keep
 from unbend import Mesh
+from unbend._types import BoolArray
 from unbend.datasets import make_octopus, make_sphere, rest_map
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._plan import Sides, candidates, make_sides
@@ -161,21 +162,31 @@ def test_a_vertex_has_a_partner_where_most_around_it_have() -> None:
     assert with_partners(begun, sides, 0.4).registered.source.overlap.all()
 
 
-def test_a_patch_has_none_only_where_the_other_shape_ends() -> None:
-    """A ball, and the same without its upper cap: what is missed on the lower one is given back."""
-    ball = make_sphere(3)
-    upper, lower = ball.vertices[:, 2] > 0.6, ball.vertices[:, 2] < -0.9
-    bitten = keep(ball, ~upper)
+def _partners(ball: Mesh, lacking: BoolArray, overlap: BoolArray) -> BoolArray:
+    """Which vertices of a ball have a partner on the same ball without a part, in the end.
+
+    Every vertex that is not lacking has one there, too.
+    """
+    bitten = keep(ball, ~lacking)
     whole, part = (prepare_shape(one, 10, partial=True).shape for one in (ball, bitten.mesh))
     back, ahead = bitten.origin, cKDTree(bitten.mesh.vertices).query(ball.vertices)[1]
     poses = mapped_start(whole, part, ahead, back, 1.0)[2:]
-    poses = [poses[0]._replace(overlap=~(upper | lower)), poses[1]._replace(overlap=back >= 0)]
+    poses = [poses[0]._replace(overlap=overlap), poses[1]._replace(overlap=back >= 0)]
     begun = replace(candidate(0.1), registered=Registered(ahead, back, *poses))
     levels = [SimpleNamespace(shape=shape) for shape in (whole, part)]
-    found = with_partners(begun, SimpleNamespace(source=levels[0], target=levels[1]), 0.0)
-    middle = np.abs(ball.vertices[:, 2] - 0.6) > 0.2
-    np.testing.assert_array_equal(found.registered.source.overlap[middle], ~upper[middle])
-    assert found.registered.target.overlap.all()
+    sides = SimpleNamespace(source=levels[0], target=levels[1])
+    found = with_partners(begun, sides, 0.0).registered
+    assert found.target.overlap.all()
+    return found.source.overlap
+
+
+def test_a_patch_has_none_only_where_the_other_shape_ends() -> None:
+    """A ball, and the same without its upper cap: what is missed on the lower one is given back."""
+    ball = make_sphere(3)
+    height = ball.vertices[:, 2]
+    found = _partners(ball, height > 0.6, ~((height > 0.6) | (height < -0.9)))
+    middle = np.abs(height - 0.6) > 0.2
+    np.testing.assert_array_equal(found[middle], height[middle] <= 0.6)
 
 
 @pytest.mark.parametrize("subdivisions", [3, 5])
@@ -183,16 +194,18 @@ def test_what_ends_near_the_cut_stays_without_partner_on_fine_meshes_too(subdivi
     """A 30th of the square root of the area is between one and four edges."""
     ball = make_sphere(subdivisions)
     height = ball.vertices[:, 2]
-    bitten = keep(ball, height <= 0.6)
-    whole, part = (prepare_shape(one, 10, partial=True).shape for one in (ball, bitten.mesh))
-    back, ahead = bitten.origin, cKDTree(bitten.mesh.vertices).query(ball.vertices)[1]
-    poses = mapped_start(whole, part, ahead, back, 1.0)[2:]
-    poses = [poses[0]._replace(overlap=height < 0.5), poses[1]._replace(overlap=back >= 0)]
-    begun = replace(candidate(0.1), registered=Registered(ahead, back, *poses))
-    levels = [SimpleNamespace(shape=shape) for shape in (whole, part)]
-    found = with_partners(begun, SimpleNamespace(source=levels[0], target=levels[1]), 0.0)
+    found = _partners(ball, height > 0.6, height < 0.5)
     off = np.abs(height - 0.5) > 0.1
-    np.testing.assert_array_equal(found.registered.source.overlap[off], height[off] < 0.5)
+    np.testing.assert_array_equal(found[off], height[off] < 0.5)
+
+
+def test_spots_near_the_cut_are_given_back() -> None:
+    """Less than a hundredth of the area, and five edges from where the other shape ends."""
+    ball = make_sphere(5)
+    angle = np.arcsin(0.6) - 0.3
+    spot = ball.vertices @ [np.cos(angle), 0.0, np.sin(angle)] > np.cos(0.12)
+    assert spot.any()
+    assert _partners(ball, ball.vertices[:, 2] > 0.6, ~spot).all()
 
 
 def test_half_of_those_around_is_not_most() -> None:

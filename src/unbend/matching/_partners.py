@@ -30,23 +30,24 @@ def keep_matched(
     overlap: BoolArray,
     size: FloatArray,
     point_maps: IntArray,
-    near: float,
+    near: tuple[float, float],
 ) -> BoolArray:
     """Leave without partner only what the goal's boundary may have cut off.
 
     ``overlap`` (n, p) tells which vertices have a partner by each of p point maps, in whose poses
-    the shape is ``size`` (p,) times as long. The image of an outline may be ``near``, a distance,
-    to the boundary. The finer a mesh is, the longer are ragged outlines: patches of a fine one are
-    judged by smoothed outlines too.
+    the shape is ``size`` (p,) times as long. ``near`` says how far from the boundary the image of
+    an outline may end: of a patch that is too small for a part, and of another. The finer a mesh
+    is, the longer are ragged outlines: patches of a fine one are judged by smoothed outlines too.
     """
     if overlap.all():
         return overlap
-    ends = shape.edge_weights.indptr, shape.edge_weights.indices
+    weights = shape.edge_weights
+    surface = shape.faces, shape.vertices, shape.areas, weights.indptr, weights.indices
     limits = constants.OUTLINE * goal.boundary_length / size, goal.boundary_distances[point_maps]
 
     def judged(patches: BoolArray) -> BoolArray:
         kept = patches.copy()
-        _keep_matched(shape.faces, shape.vertices, *ends, kept, *limits, near)
+        _keep_matched(*surface, kept, *limits, *near, constants.SMALLEST_PART)
         return kept
 
     kept = judged(overlap)
@@ -58,11 +59,13 @@ def keep_matched(
 
 
 @compiled
-def _keep_matched(faces, vertices, start, neighbors, overlap, longest, off, near):  # type: ignore[no-untyped-def]
+def _keep_matched(  # type: ignore[no-untyped-def]
+    faces, vertices, areas, start, neighbors, overlap, longest, off, close, near, small
+):
     n, n_maps = overlap.shape
     patch, reached = np.empty(n, np.int64), np.empty(n, np.int64)
-    # Of each patch: how long its outline is, and how near its image comes to the boundary.
-    outline, nearest = np.empty(n), np.empty(n)
+    # Of each patch: its area, how long its outline is, how near its image comes to the boundary.
+    area, outline, nearest = np.empty(n), np.empty(n), np.empty(n)
     for m in range(n_maps):
         count = 0
         for i in range(n):
@@ -70,11 +73,12 @@ def _keep_matched(faces, vertices, start, neighbors, overlap, longest, off, near
         for i in range(n):
             if overlap[i, m] or patch[i] >= 0:
                 continue
-            outline[count], nearest[count] = 0.0, np.inf
+            area[count], outline[count], nearest[count] = 0.0, 0.0, np.inf
             patch[i], reached[0], left = count, i, 1
             while left:
                 left -= 1
                 v = reached[left]
+                area[count] += areas[v]
                 for e in range(start[v], start[v + 1]):
                     w = neighbors[e]
                     if not overlap[w, m] and patch[w] < 0:
@@ -104,5 +108,6 @@ def _keep_matched(faces, vertices, start, neighbors, overlap, longest, off, near
                     nearest[p] = min(nearest[p], off[faces[f, c], m])
         for i in range(n):
             p = patch[i]
-            if p >= 0 and outline[p] > 0 and (outline[p] > longest[m] or nearest[p] > near):
-                overlap[i, m] = True
+            if p >= 0 and outline[p] > 0:
+                most = close if area[p] <= small else near
+                overlap[i, m] = outline[p] > longest[m] or nearest[p] > most

@@ -152,7 +152,8 @@ def with_partners(candidate: Candidate, sides: Sides, least: float) -> Candidate
     for shape, goal, way in ((ours, theirs, found), (theirs, ours, found.back())):
         pose, other, point_map = way.source, way.target, way.forward
         overlap = _as_most_around(shape, pose.overlap)[:, None]
-        near = max(constants.PATCH, shape.edge + goal.edge)
+        edges = shape.edge + goal.edge
+        near = edges, max(constants.PATCH, edges)
         size, maps = np.array([pose.size]), point_map[:, None]
         overlap = keep_matched(shape, goal, overlap, size, maps, near)[:, 0]
         extra = pose.extra | np.broadcast_to(other.extra, len(goal.areas))[point_map]

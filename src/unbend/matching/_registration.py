@@ -25,6 +25,7 @@ from unbend.matching._search import spectral_weights
 from unbend.matching._shape import Proxy, Shape
 
 _LEAST_SIZE = 0.05  # of one shape's lengths in the other's pose: less is collapse
+_NEAR = constants.LIMB, constants.LIMB  # to a boundary; what moves is not there yet
 _POSITIONS = [0, 1, 2, 6, 7, 8]  # columns of the rows in which closest points are sought
 
 
@@ -286,7 +287,7 @@ class _Moving:
     def keep_matched(self, off: BoolArray, other: _Moving) -> None:
         """Say who has a partner: is not off the goal, and does not lead elsewhere."""
         overlap = cycle_consistent(self.shape, self.partners, other.partners) & ~off
-        given = self.shape, other.shape, overlap, self.size, self.partners, constants.LIMB
+        given = self.shape, other.shape, overlap, self.size, self.partners, _NEAR
         self.overlap = keep_matched(*given) & ~self.extra
 
     def pose(self, i: int) -> Pose:
