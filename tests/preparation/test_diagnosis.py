@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from unbend import Mesh, laplacian
 from unbend.io import read_mesh, write_mesh
-from unbend.preparation import diagnose, prepare
+from unbend.preparation import Diagnosis, diagnose, prepare
 
 CUBE_VERTICES = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
 CORNERS = "013 032 467 475 045 051 237 276 026 064 157 173"
@@ -147,6 +147,17 @@ def test_duplicates() -> None:
     health = diagnose(Mesh(vertices, faces))
     assert (health.duplicate_vertices, health.duplicate_faces) == (2, 2)
     assert health.unreferenced_vertices == 4
+
+
+def test_duplicates_do_not_hide_how_a_surface_is_oriented(moebius_strip: Mesh) -> None:
+    def repeated(vertices: np.ndarray, faces: np.ndarray) -> Diagnosis:
+        return diagnose(Mesh(vertices, np.concatenate([faces, faces[::-1, ::-1]])))
+
+    assert repeated(moebius_strip.vertices, moebius_strip.faces).one_sided
+    assert repeated(CUBE.vertices, CUBE.faces[:, ::-1]).inside_out
+    lid = CUBE.faces[[0, 1]]  # far from closed, and seen from either side
+    for faces in (lid, lid[:, ::-1]):
+        assert not repeated(CUBE.vertices - 9, faces).inside_out
 
 
 def test_a_point_cloud() -> None:

@@ -15,6 +15,7 @@ from unbend.mesh import (
     count_non_manifold_vertices,
     find_components,
     find_edges,
+    has_earlier_twin,
     label_linked,
     measure_faces,
     orient_consistently,
@@ -147,7 +148,9 @@ def diagnose(mesh: MeshLike) -> Diagnosis:
     non_manifold_edges = int((edges.n_faces > 2).sum())
     non_manifold_vertices = count_non_manifold_vertices(proper, edges)
     inconsistent = int(((edges.n_faces == 2) & (edges.n_upward != 1)).sum())
-    oriented = orient_consistently(vertices, proper) if inconsistent else proper
+    once = proper[~has_earlier_twin(proper)]  # repeated faces hide how the others are oriented
+    turnable = inconsistent or len(once) < len(proper)
+    oriented = orient_consistently(vertices, once) if turnable else once
     euler = n_used - len(edges.ends) + len(proper)
     surface = (
         len(components.n_vertices) == 1
