@@ -129,6 +129,22 @@ def test_a_singular_laplacian_names_the_mesh_and_the_robust_one(blob, compute):
         compute(Mesh(points, blob.faces, name="thin"))
 
 
+@pytest.mark.parametrize("kind", ["auto", "cotangent", "robust"])
+def test_repeated_faces_do_not_count(blob, kind):
+    faces = np.vstack([blob.faces[:9, ::-1], blob.faces])
+    plain, found = (laplacian((blob.vertices, one), laplacian=kind) for one in (blob.faces, faces))
+    np.testing.assert_allclose(found.areas, plain.areas, rtol=1e-12)
+    assert abs(found.stiffness - plain.stiffness).max() < 1e-12 * abs(plain.stiffness).max()
+
+
+def test_a_triangle_on_its_own_counts_once_if_it_is_there_twice(blob):
+    triangle = np.eye(3)
+    vertices = np.vstack([blob.vertices, 9 + triangle])
+    faces = np.vstack([blob.faces, [[642, 643, 644], [644, 643, 642]]])
+    area = face_areas(Mesh(vertices, faces[:-1])).sum()
+    assert laplacian((vertices, faces)).areas.sum() == pytest.approx(area, rel=1e-12)
+
+
 def test_faces_that_repeat_a_vertex_or_another_face_do_not_count(blob):
     faces = np.vstack([blob.faces[:9, ::-1], [[0, 0, 1]], blob.faces])
     plain, found = laplacian(blob), laplacian(Mesh(blob.vertices, faces))
@@ -154,6 +170,22 @@ def test_cotangent_of_a_degenerate_face_is_refused_by_number(blob):
     faces = np.vstack([blob.faces, [[642, 643, 644]]])
     with pytest.raises(MeshError, match=f"face {len(blob.faces)} has no area"):
         laplacian(Mesh(point, faces), laplacian="cotangent")
+
+
+@pytest.mark.filterwarnings("ignore::unbend.errors.UnbendWarning")
+def test_a_degenerate_face_keeps_its_number_whatever_is_left_out_before_it(blob):
+    vertices = blob.vertices.copy()
+    vertices[blob.faces[5, 0]] = vertices[blob.faces[5, 1]]
+    vertices = np.vstack([vertices, 9 + np.eye(3)])
+    faces = np.vstack([[[642, 643, 644]], blob.faces[:1], blob.faces])
+    first = 2 + int(np.isin(blob.faces, blob.faces[5, :2]).sum(axis=1).tolist().index(2))
+    for compute in (
+        lambda mesh: laplacian(mesh, laplacian="cotangent"),
+        lambda mesh: spectrum(mesh, 3, laplacian="cotangent"),
+        lambda mesh: canonical_form(mesh, laplacian="cotangent", component=0),
+    ):
+        with pytest.raises(MeshError, match=f"face {first} has no area"):
+            compute(Mesh(vertices, faces))
 
 
 def test_a_face_is_flat_in_units_of_its_own_longest_edge():

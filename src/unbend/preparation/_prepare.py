@@ -93,8 +93,9 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
         raise _no_area(mesh.name)
     check_size(working)
     problems = _problems(working, int(degenerate.sum()))
-    # Repeated faces are more than two at an edge, or more than one fan at a vertex.
-    if problems and (twice := has_earlier_twin(working.faces)).any():
+    # Repeated faces are more than two at an edge, more than one fan at a vertex, or all there is.
+    lone = (components.n_vertices == 3) & (components.n_faces > 1)
+    if (problems or lone.any()) and (twice := has_earlier_twin(working.faces)).any():
         repeats = plural(int(twice.sum()), "face")
         notes.append(f"{repeats} left out, for repeating the vertices of another")
         working = Mesh(working.vertices, working.faces[~twice], name=mesh.name, notes=mesh.notes)

@@ -11,11 +11,11 @@ import scipy.sparse as sp
 from unbend._display import Brief
 from unbend._memory import check_robust_memory
 from unbend._parallel import run_all, slices
-from unbend._types import FloatArray, SparseMatrix
+from unbend._types import FloatArray, IntArray, SparseMatrix
 from unbend.choices import AreaKind, LaplacianKind
 from unbend.errors import InputError, MeshError, SolverError, warn
 from unbend.io import MeshLike, as_mesh
-from unbend.mesh import FACES_AT_ONCE, Mesh, measure_corners, measure_faces
+from unbend.mesh import FACES_AT_ONCE, Mesh, has_earlier_twin, measure_corners, measure_faces
 from unbend.preparation import Prepared, check_area, check_size, prepare
 from unbend.spectral._assembly import assemble_stiffness, mixed_voronoi
 from unbend.spectral._point_cloud import cloud_operator
@@ -53,7 +53,7 @@ def laplacian(
     Parameters
     ----------
     mesh : mesh-like
-        Anything :func:`unbend.as_mesh` accepts.
+        Anything :func:`unbend.as_mesh` accepts. Repeated faces count once.
     laplacian : {"auto", "cotangent", "robust"}, default="auto"
         ``"cotangent"``: ``W_ij = -(cot alpha_ij + cot beta_ij) / 2`` (Pinkall and Polthier
         1993). ``"robust"``: the tufted intrinsic Delaunay Laplacian of Sharp and Crane (2020)
@@ -104,16 +104,28 @@ def laplacian(
     array([0.25, 0.25, 0.25, 0.25])
     """
     mesh = as_mesh(mesh)
-    if area_kind not in ("voronoi", "barycentric"):
-        raise InputError(f'area_kind must be "voronoi" or "barycentric", not {area_kind!r}')
     if laplacian == "auto":
         prepared = prepare(mesh, connected=False)
-        laplacian = choose_kind(laplacian, prepared)
-        if len(prepared.kept_faces) < mesh.n_faces:
-            mesh = Mesh(mesh.vertices, mesh.faces[prepared.kept_faces], name=mesh.name)
+        laplacian, kept = choose_kind(laplacian, prepared), prepared.kept_faces
+    else:
+        kept = np.flatnonzero(~has_earlier_twin(mesh.faces))
+    if len(kept) < mesh.n_faces:
+        mesh = Mesh(mesh.vertices, mesh.faces[kept], name=mesh.name)
+    return operator_of(mesh, kept, laplacian, area_kind)
+
+
+def operator_of(
+    mesh: Mesh, numbers: IntArray, laplacian: LaplacianKind, area_kind: AreaKind
+) -> Laplacian:
+    """Build and check the operator, not "auto", of a mesh without repeated faces.
+
+    Messages give faces their `numbers` (m,), in the mesh that these are from.
+    """
+    if area_kind not in ("voronoi", "barycentric"):
+        raise InputError(f'area_kind must be "voronoi" or "barycentric", not {area_kind!r}')
     if laplacian not in ("cotangent", "robust"):
         raise InputError(f'laplacian must be "auto", "cotangent" or "robust", not {laplacian!r}')
-    operator = _robust(mesh) if laplacian == "robust" else _cotangent(mesh, area_kind)
+    operator = _robust(mesh) if laplacian == "robust" else _cotangent(mesh, numbers, area_kind)
     stiffness, areas = operator.stiffness, operator.areas
     sums = np.abs(stiffness @ np.ones(len(areas)))
     if not sums.max() <= _SUMS * np.abs(stiffness.data).max(initial=0.0):
@@ -141,7 +153,7 @@ def choose_kind(kind: LaplacianKind, prepared: Prepared) -> LaplacianKind:
     return "robust" if robust else "cotangent"
 
 
-def _cotangent(mesh: Mesh, area_kind: AreaKind) -> Laplacian:
+def _cotangent(mesh: Mesh, numbers: IntArray, area_kind: AreaKind) -> Laplacian:
     if mesh.is_point_cloud:
         raise MeshError(f'{mesh.name}: a point cloud has no cotangent Laplacian; use "robust"')
     faces, n = mesh.faces, mesh.n_vertices
@@ -154,8 +166,8 @@ def _cotangent(mesh: Mesh, area_kind: AreaKind) -> Laplacian:
             flat = double_areas <= np.finfo(float).eps * squared.max(axis=1)
             if flat.any() and np.isfinite(squared).all():
                 raise MeshError(
-                    f"{mesh.name}: face {part.start + int(flat.argmax())} has no area, so its "
-                    'cotangents do not exist; use the "robust" Laplacian'
+                    f"{mesh.name}: face {numbers[part][flat][0]} has no area, so its cotangents "
+                    'do not exist; use the "robust" Laplacian'
                 )
             cotangents[part] = dots / double_areas[:, None]
             corner_areas[part] = double_areas[:, None] / 6

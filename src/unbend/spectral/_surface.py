@@ -16,8 +16,7 @@ from unbend.errors import InputError, MeshError, SolverError, warn
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import Mesh, vertex_ids
 from unbend.preparation import Prepared, prepare
-from unbend.spectral._laplacian import Laplacian, choose_kind
-from unbend.spectral._laplacian import laplacian as build_laplacian
+from unbend.spectral._laplacian import Laplacian, choose_kind, operator_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +54,8 @@ def make_surface(
     prepared = prepare(as_mesh(mesh), component=component, connected=connected)
     for note in prepared.notes:
         warn(f"{prepared.mesh.name}: {note}")
-    operator = build_laplacian(
-        prepared.mesh, laplacian=choose_kind(laplacian, prepared), area_kind=area_kind
-    )
+    kind = choose_kind(laplacian, prepared)
+    operator = operator_of(prepared.mesh, prepared.kept_faces, kind, area_kind)
     area = float(operator.areas.sum())
     name = prepared.mesh.name
     if not 0 < area < np.inf:
