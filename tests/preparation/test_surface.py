@@ -200,3 +200,10 @@ def test_triangles_join_all_points_but_outliers() -> None:
 def test_a_cloud_that_is_asked_for_again_is_not_computed_again() -> None:
     cloud = Mesh(sphere(600))
     assert surface_of_points(cloud) is surface_of_points(cloud)
+
+
+def test_nobody_changes_what_others_get() -> None:
+    found = surface_of_points(Mesh(sphere(600)))
+    for array in (found.vertex_of_point, found.point_of_vertex):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1

@@ -60,9 +60,9 @@ class PointSurface(NamedTuple):
     ----------
     mesh : Mesh
         Connected and manifold, its faces oriented outward.
-    vertex_of_point : (n,) ndarray of int64
+    vertex_of_point : (n,) ndarray of int64, read-only
         The nearest vertex of each point; -1 for outliers.
-    point_of_vertex : (m,) ndarray of int64
+    point_of_vertex : (m,) ndarray of int64, read-only
         The nearest point of each vertex.
     """
 
@@ -167,6 +167,8 @@ def surface_of_points(cloud: Mesh) -> PointSurface:
     away, vertex_of_point = cKDTree(vertices).query(everything)
     vertex_of_point[away > _REACH * max(fine, cell)] = -1
     point_of_vertex = cKDTree(everything).query(vertices)[1]
+    for numbers in (vertex_of_point, point_of_vertex):  # others get the same
+        numbers.setflags(write=False)
     mesh = Mesh((vertices @ axes.T + middle) * unit, wound, name=cloud.name, notes=cloud.notes)
     return PointSurface(mesh, vertex_of_point, point_of_vertex)
 
