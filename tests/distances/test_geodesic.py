@@ -223,6 +223,14 @@ def test_heat_is_right_within_a_few_edges_too():
     assert abs(np.mean(near) - 1) < 0.02
 
 
+@pytest.mark.parametrize("make", [make_biped, make_quadruped])
+def test_heat_is_as_far_off_as_the_docstring_says(make):
+    mesh, sources = make("walking", n_vertices=600).mesh, range(0, 600, 60)
+    heat = distance(mesh, sources)
+    exact = distance(mesh, sources, distance="geodesic-exact")
+    assert 0.01 < np.abs(heat[exact > 0] / exact[exact > 0] - 1).mean() < 0.08
+
+
 def given(distances):
     """A solver of the heat method, or an exact one, that knows these distances alone."""
 

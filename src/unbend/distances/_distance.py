@@ -86,9 +86,10 @@ def distance(
     sources : int or (s,) array_like of int
         0-based vertex ids.
     distance : {"geodesic", "geodesic-exact", "biharmonic", "commute-time", "diffusion"}
-        ``"geodesic"``, the default, is the robust heat method, as a tape measure to a percent or
-        so; ``"geodesic-exact"`` needs pygeodesic. Biharmonic, commute-time and diffusion distances
-        are exact: no eigenpair is left out.
+        ``"geodesic"``, the default, is the robust heat method. On bodies of 5,000 vertices it is
+        within 4 % of the shortest path on average, of 600 within 8 %, and too long more often than
+        too short. ``"geodesic-exact"`` needs pygeodesic. Biharmonic, commute-time and diffusion
+        distances are exact: no eigenpair is left out.
     n_eigenpairs : int, optional
         Truncate a spectral distance to this many eigenpairs (Eq. 1 to 3) instead.
     time : float, optional
