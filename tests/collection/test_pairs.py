@@ -54,6 +54,16 @@ def test_all_pairs_are_matched_once(three: tuple[Collection, list[Path]], tmp_pa
         read_match(out / rows[2]["file"], source=(-other.vertices, other.faces[::-1]))
 
 
+def test_long_names_whose_letters_take_several_bytes_name_files_too(tmp_path: Path) -> None:
+    paths = write_stones(tmp_path / "stones", 2)
+    paths = [one.rename(one.with_name(f"{'日本語' * 20}{one.name}")) for one in paths]
+    collection = Collection(tmp_path / "store")
+    collection.add(paths, workers=0)
+    done = collection.match(None, tmp_path / "matches", workers=0)
+    assert (done.matched, done.failures) == (1, ())
+    assert collection.match(None, tmp_path / "matches", workers=0).skipped == 1
+
+
 def test_warnings_are_told_once_for_a_shape_or_a_pair_and_doubtful_pairs_are_counted(
     three: tuple[Collection, list[Path]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

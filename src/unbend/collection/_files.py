@@ -167,8 +167,9 @@ def read_found(shapes: Sequence[Entry | Hit], store: str) -> tuple[list[Mesh], l
 
 
 def stem(shape: Entry) -> str:
-    """Name of a shape's file, without its suffix, that any file system takes."""
-    return re.sub(r"[^\w.-]", "_", Path(shape.path).stem)[:60]
+    """Name of a shape's file, without its suffix; two of them fit into a name of 255 bytes."""
+    name = re.sub(r"[^\w.-]", "_", Path(shape.path).stem)[:60]
+    return name.encode()[:100].decode(errors="ignore")
 
 
 def is_gone(path: str) -> bool:
