@@ -79,6 +79,28 @@ def test_shapes_without_label_neither_ask_nor_are_found():
     assert str(found.to_dict()) == str(expected.to_dict())
 
 
+class NotAvailable:
+    """As NA of pandas: what it is compared with does not matter."""
+
+    def __eq__(self, other):
+        return self
+
+    def __bool__(self):
+        raise TypeError("boolean value of NA is ambiguous")
+
+
+@pytest.mark.parametrize("missing", [float("nan"), NotAvailable()])
+def test_labels_that_pandas_has_as_missing_are_none(missing):
+    apart = np.random.default_rng(0).random((8, 8))
+    labels = np.array(["a", "b", None, "a", None, "b", "a", "b"], dtype=object)
+    expected = retrieval_measures(apart, labels)
+    given = np.array([missing if label is None else label for label in labels], dtype=object)
+    assert str(retrieval_measures(apart, given).to_dict()) == str(expected.to_dict())
+    assert str(retrieval_measures(apart, given.tolist()).to_dict()) == str(expected.to_dict())
+    expected = retrieval_measures(apart, labels, labels)
+    assert str(retrieval_measures(apart, given, given).to_dict()) == str(expected.to_dict())
+
+
 def test_of_equals_the_first_comes_first():
     assert one_query(0, 1).nearest_neighbor == 0
     assert retrieval_measures([[3.0, 3.0]], [0, 1], [1]).nearest_neighbor == 0

@@ -79,8 +79,8 @@ def retrieval_measures(
         From each query to each shape; of equals the first comes first. NaN leaves a shape out of
         the query's list, as it should be where the query is a damaged copy of it.
     labels : (n,) array_like
-        The class of each shape; one whose label is None, as :func:`read_labels` gives it, is left
-        out.
+        The class of each shape; one whose label is None, as :func:`read_labels` gives it, or
+        missing in a column of pandas (NaN, NA), is left out.
     query_labels : (n_queries,) array_like, optional
         Default: the queries are the shapes themselves, and none finds itself.
 
@@ -108,10 +108,8 @@ def retrieval_measures(
     (1.0, 1.0)
     """
     matrix = numbers_of(distances, "distances").copy()
-    classes = array_of(labels, "labels")
-    asked = classes if query_labels is None else array_of(query_labels, "query_labels")
-    if classes.ndim != 1 or asked.ndim != 1:
-        raise InputError("labels must be lists, with one label for each shape")
+    classes = _classes(labels, "labels")
+    asked = classes if query_labels is None else _classes(query_labels, "query_labels")
     if matrix.shape != (len(asked), len(classes)):
         raise InputError(
             f"distances of shape {matrix.shape} do not fit {len(asked)} queries and "
@@ -127,6 +125,19 @@ def retrieval_measures(
     means = kept.mean(axis=0)
     found: list[Any] = [*means[:6].tolist(), _RECALL_LEVELS.copy(), means[6:], len(kept)]
     return Retrieval(*found)
+
+
+def _classes(labels: Sequence[Any] | npt.ArrayLike, what: str) -> npt.NDArray[Any]:
+    """Turn labels into an array; what does not equal itself, as NaN, becomes None."""
+    array = array_of(labels, what)
+    if array.ndim != 1:
+        raise InputError("labels must be lists, with one label for each shape")
+    each = np.array(labels, dtype=object).tolist()  # the other array may have NaN as text
+    missing = [(label == label) is not True for label in each]
+    if any(missing):
+        array = array.astype(object)
+        array[missing] = None
+    return array
 
 
 def _of_query(distances: FloatArray, alike: npt.NDArray[np.bool_]) -> FloatArray | None:
