@@ -1,6 +1,7 @@
 """The table: what is committed is there for all, small files are merged, searches are exact."""
 
 import os
+from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -103,6 +104,21 @@ def test_merging_gives_way_to_another_but_hides_no_other_trouble(
     else:
         with pytest.raises(FileError, match=r"cannot be read or written \(no space is left\)"):
             store.tidy()
+
+
+def test_two_that_merge_at_once_say_nothing(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def work(number: int) -> None:
+        store = Store(tmp_path / "store")
+        for i in range(8):
+            store.commit(rows(f"{number}, {i}"))
+            store.tidy()
+
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(work, range(3)))
+    assert len(Store(tmp_path / "store")) == 24
+    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize("code", [2, 28])

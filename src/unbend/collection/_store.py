@@ -50,6 +50,7 @@ class Store:
     def __init__(self, path: StrPath) -> None:
         # By default Lance leaves two processors idle.
         os.environ.setdefault("LANCE_CPU_THREADS", str(n_cores()))
+        os.environ.setdefault("LANCEDB_LOG", "error")  # two that tidy at once are no news
         try:
             import lancedb
         except ImportError:
