@@ -1,6 +1,7 @@
 """Pairs of a collection, matched once."""
 
 import csv
+import re
 import time
 from contextlib import contextmanager
 from dataclasses import replace
@@ -133,6 +134,15 @@ def test_a_match_of_a_file_that_changed_is_not_passed_off_as_one_of_it(
     assert "it has changed since it was added" in failure.reason
     with open(tmp_path / "matches" / "matches.csv", newline="") as file:
         assert [row["source"] for row in csv.DictReader(file)] == [str(paths[2])]
+
+
+def test_a_damaged_match_is_named_and_what_to_do(filled: Collection, tmp_path: Path) -> None:
+    source, target, *_ = filled
+    path = tmp_path / _pairs.file_name(source, target)
+    path.write_bytes(b"PK")
+    again = f"cannot read {path}: remove it, and run unbend collection match again"
+    with pytest.raises(FileError, match=re.escape(again)):
+        filled.match([(source.id, target.id)], tmp_path, workers=0)
 
 
 def test_workers_with_another_current_folder_write_into_the_same(

@@ -15,7 +15,7 @@ from unbend.collection._files import find_file, make_folder, stem, without_file
 from unbend.collection._rows import Entry, Failure, Matched
 from unbend.collection._store import Store, check_outside
 from unbend.correspondence import read_match, write_match
-from unbend.errors import InputError, heard
+from unbend.errors import FileError, InputError, heard
 from unbend.io import read_mesh, write_map, write_table
 from unbend.matching import match, prepare_spectrum
 from unbend.spectral import use_cache
@@ -121,7 +121,12 @@ def _table(
     yield "source", "target", "file", *measures
     for pair in pairs:
         if _done(folder, pair):
-            found = read_match(folder / file_name(*pair))
+            path = folder / file_name(*pair)
+            try:
+                found = read_match(path)
+            except FileError as error:
+                again = f"{path}: remove it, and run unbend collection match again"
+                raise FileError(f"cannot read {again} ({error})") from error
             confidences.append(found.confidence)
             paths = [one.path for one in pair]
             yield *paths, file_name(*pair), *(getattr(found, one) for one in measures)
