@@ -253,6 +253,21 @@ def test_shapes_are_found_by_path_or_id_and_removed(own: Collection) -> None:
     assert Path(first.path).exists()
 
 
+def test_many_names_need_few_queries(own: Collection, monkeypatch: pytest.MonkeyPatch) -> None:
+    entries = list(own) * 100
+    names = [(one.path, one.id, one.id[:8])[i % 3] for i, one in enumerate(entries)]
+    batches, queries = own._store.batches, []
+
+    def counted(*given: object) -> object:
+        queries.append(given)
+        return batches(*given)
+
+    monkeypatch.setattr(own._store, "batches", counted)
+    assert own.find(names) == entries
+    assert len(queries) < 0.02 * len(names)
+    assert own.remove(iter(names[:9])) == entries[:9]
+
+
 def test_what_another_process_removes_meanwhile_is_not_there(
     own: Collection, monkeypatch: pytest.MonkeyPatch
 ) -> None:

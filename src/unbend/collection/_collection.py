@@ -228,7 +228,7 @@ class Collection:
         InputError
             If one is not there, or may mean several.
         """
-        return [self._store.find(name) for name in names]
+        return self._store.find(names)
 
     def remove(self, names: Sequence[StrPath]) -> list[Entry]:
         """Take shapes out of the collection; their files stay.
@@ -250,12 +250,10 @@ class Collection:
             If one is not there; then nothing is removed.
         """
         entries: dict[Entry, None] = {}  # each once
-        for name in names:
-            entry = self._store.find(name)
+        names = list(names)
+        for name, entry in zip(names, self._store.find(names), strict=True):
             named = {entry.path, *entry.also} & {os.fspath(name), os.path.abspath(name)}
-            if named:
-                entry = replace(entry, path=named.pop(), also=())
-            entries[entry] = None
+            entries[replace(entry, path=named.pop(), also=()) if named else entry] = None
         self._store.remove([path for one in entries for path in (one.path, *one.also)])
         return list(entries)
 
@@ -347,7 +345,8 @@ class Collection:
 
     def thumbnail(self, name: str) -> bytes:
         """Picture of a shape as a small PNG file; empty for a point cloud."""
-        rows = self._store.select(["thumbnail"], among("id", [self._store.find(name).id]))
+        (entry,) = self._store.find([name])
+        rows = self._store.select(["thumbnail"], among("id", [entry.id]))
         if not rows:
             raise InputError(f"{name} is not in the collection {self.path} any more")
         return bytes(rows[0]["thumbnail"])

@@ -74,7 +74,8 @@ def _chosen(store: Store, named: Iterable[tuple[Any, Any]] | None) -> list[Pair]
     names = [tuple(pair) for pair in named]
     if wrong := [pair for pair in names if len(pair) != 2]:
         raise InputError(f"a pair is a source and a target, not {wrong[0]}")
-    known = {name: store.find(name) for name in dict.fromkeys(itertools.chain(*names))}
+    every = list(dict.fromkeys(itertools.chain(*names)))
+    known = dict(zip(every, store.find(every), strict=True))
     return list(dict.fromkeys((known[source], known[target]) for source, target in names))
 
 

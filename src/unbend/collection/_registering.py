@@ -73,14 +73,13 @@ def register_collection(
     store.check_filled()
     if not os.path.exists(template):
         try:
-            template = find_file(store.find(template), store.path)
+            template = find_file(store.find([template])[0], store.path)
         except FileError:
             raise
         except InputError as error:
             raise InputError(f"there is no file {template}, and {error}") from None
     known: dict[str, IntArray] = {}
-    for name, pairs in landmarks.items():
-        one = store.find(name)
+    for one, (name, pairs) in zip(store.find(list(landmarks)), landmarks.items(), strict=True):
         if one.id in known:
             raise InputError(f"landmarks: {name} is named twice; put its landmarks together")
         what = f"landmarks of {name}"

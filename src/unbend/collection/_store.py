@@ -32,6 +32,7 @@ _KEPT_VERSIONS = timedelta(minutes=15)  # of the table, which readers may still 
 # After so many commits their small files are merged, for at most this share of the time.
 _COMMITS_UNMERGED, _MERGING_SHARE = 200, 0.1
 _ROWS_AT_ONCE = 4096
+_NAMES_AT_ONCE = 256  # that one query asks for
 _FORMAT = "2.0"  # of Lance's files; searches of later formats are half as fast
 _PROBES = 20  # cells, of some thousand rows each, in an approximate search
 _WAITS = 0.05, 0.2, 0.5  # seconds to wait for a table that another process creates
@@ -248,21 +249,33 @@ class Store:
                 if found[:1] == [row["path"]]:
                     yield Entry(**row, also=tuple(found[1:]))
 
-    def find(self, name: StrPath) -> Entry:
-        """Entry of an id, the beginning of an id, or a path; see `Collection.find`."""
-        name = os.fspath(name)
-        conditions = [among("path", [name, os.path.abspath(name)])]
-        if 8 <= len(name) <= 32 and set(name) <= set("0123456789abcdef"):
-            conditions.append(f"id LIKE '{name}%'")
+    def find(self, names: Sequence[StrPath]) -> list[Entry]:
+        """Entries of ids, beginnings of ids, or paths; see `Collection.find`."""
+        texts = [os.fspath(name) for name in names]
+        lots = (texts[i : i + _NAMES_AT_ONCE] for i in range(0, len(texts), _NAMES_AT_ONCE))
+        return [entry for lot in lots for entry in self._find(lot)]
+
+    def _find(self, names: Sequence[str]) -> list[Entry]:
+        paths = {name: {name, os.path.abspath(name)} for name in names}
+        starts = {name for name in names if re.fullmatch("[0-9a-f]{8,32}", name)}
+        conditions = [among("path", set().union(*paths.values()))]
+        conditions += [f"id LIKE '{name}%'" for name in sorted(starts)]
         ids = {row["id"] for row in self.select(["id"], " OR ".join(conditions))}
         entries = list(self.entries(among("id", ids)))
-        if len(entries) != 1:
-            what = "may be several shapes" if entries else "is not"
-            raise InputError(
-                f"{name} {what} in the collection {self.path}: give a path or an id as "
-                "unbend collection list shows them"
-            )
-        return entries[0]
+        by_path = {path: one for one in entries for path in (one.path, *one.also)}
+        found: list[Entry] = []
+        for name in names:
+            some = {by_path[path] for path in paths[name] if path in by_path}
+            if name in starts:
+                some |= {one for one in entries if one.id.startswith(name)}
+            if len(some) != 1:
+                what = "may be several shapes" if some else "is not"
+                raise InputError(
+                    f"{name} {what} in the collection {self.path}: give a path or an id as "
+                    "unbend collection list shows them"
+                )
+            found += some
+        return found
 
     def remove(self, paths: Sequence[str]) -> None:
         """Remove rows in one commit; a shape that has other paths stays."""
