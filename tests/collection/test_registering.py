@@ -1,6 +1,8 @@
 """A collection registered to a template: one connectivity, resumed, with bad shapes listed."""
 
 import csv
+import hashlib
+import itertools
 import os
 import shutil
 import time
@@ -260,7 +262,7 @@ def test_a_renamed_shape_is_not_registered_again_and_nothing_is_lost(
 ) -> None:
     out = tmp_path / "out"
     shutil.copytree(made / "out", out)
-    write_mesh(out / "mine-01234567.obj", TEMPLATE)
+    write_mesh(out / "mine-0123456789ab.obj", TEMPLATE)
     for name, new in (("itself.obj", "itself.obj"), ("walking.off", "strolling.off")):
         shutil.copy(made / "scans" / name, tmp_path / new)
     collection = Collection(tmp_path / "store")
@@ -281,6 +283,34 @@ def test_a_renamed_shape_is_not_registered_again_and_nothing_is_lost(
     collection.register(out / "template.obj", out, workers=0)
     now = contents(out)
     assert {name: now[name][0] for name in now} == {name: after[name][0] for name in after}
+
+
+def test_shapes_of_one_name_whose_ids_begin_alike_are_told_apart(
+    made: Path, tmp_path: Path
+) -> None:
+    """In one of four collections of 50,000 shapes, two share the first 8 digits of their ids."""
+    paths = [tmp_path / name / "mesh.obj" for name in ("one", "other")]
+    for path, pose in zip(paths, ("itself.obj", "walking.off"), strict=True):
+        path.parent.mkdir()
+        write_mesh(path, read_mesh(made / "scans" / pose))
+    begun = [hashlib.blake2b(path.read_bytes(), digest_size=16) for path in paths]
+    seen: dict[str, str] = {}
+    for line in (f"# {i}\n" for i in itertools.count()):
+        hashes = [one.copy() for one in begun]
+        for one in hashes:
+            one.update(line.encode())
+        starts = [one.hexdigest()[:8] for one in hashes]
+        seen[starts[0]] = line
+        if starts[1] in seen:
+            break
+    for path, end in zip(paths, (seen[starts[1]], line), strict=True):
+        with open(path, "a") as file:
+            file.write(end)
+    given = [str(path) for path in paths], str(made / "template.obj"), str(tmp_path / "out")
+    done = register_files(*given)
+    assert len({one.name for one in done.shapes}) == 2
+    assert len({one.mesh.vertices.tobytes() for one in read_registrations(given[2])[1]}) == 2
+    assert register_files(*given).skipped == 2
 
 
 def test_registering_some_files_keeps_the_others(own: tuple[Collection, Path]) -> None:

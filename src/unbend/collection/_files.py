@@ -26,6 +26,7 @@ from unbend.mesh import Mesh
 _SUFFIXES = (".off", ".obj", ".ply", ".stl", ".vtk")
 _OTHERS = tuple(one for one in READ_SUFFIXES if one not in (*_SUFFIXES, ".npy"))
 _FILES_AT_ONCE = 256
+ID_DIGITS = 12  # of ids, in names of files: hardly two of a million shapes share them
 REGISTRATIONS = "registrations"  # folder of a file per shape, beside its registered mesh
 
 File = tuple[str, str]  # path and hash

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from unbend._display import is_doubtful
 from unbend._types import Progress, StrPath
 from unbend.collection._engine import Engine, attempt_all
-from unbend.collection._files import find_file, make_folder, stem, without_file
+from unbend.collection._files import ID_DIGITS, find_file, make_folder, stem, without_file
 from unbend.collection._rows import Entry, Failure, Matched
 from unbend.collection._store import Store, check_outside
 from unbend.correspondence import read_match, write_match
@@ -107,7 +107,8 @@ def match_pair(task: Task) -> list[str]:
 
 def file_name(source: Entry, target: Entry) -> str:
     """File name of a match: the stems of both files, and the first digits of both ids."""
-    return f"{stem(source)}-{stem(target)}-{source.id[:8]}-{target.id[:8]}.npz"
+    ids = "-".join(one.id[:ID_DIGITS] for one in (source, target))
+    return f"{stem(source)}-{stem(target)}-{ids}.npz"
 
 
 def _done(folder: Path, pair: Pair) -> bool:

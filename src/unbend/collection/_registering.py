@@ -20,6 +20,7 @@ from unbend._text import plural, quoted
 from unbend._types import IntArray, Progress, StrPath
 from unbend.collection._engine import Engine, attempt_all, engine
 from unbend.collection._files import (
+    ID_DIGITS,
     REGISTRATIONS,
     find_file,
     find_files,
@@ -138,7 +139,7 @@ def _register(
     _copy(original, folder)
     make_folder(folder / REGISTRATIONS)
     suffix = original.suffix if original.suffix.lower() in _KEPT_FORMATS else ".ply"
-    names = [f"{stem(one)}-{one.id[:8]}" for one in shapes]
+    names = [f"{stem(one)}-{one.id[:ID_DIGITS]}" for one in shapes]
     _follow(folder, suffix, names)
     tasks, left, done = [], [], []
     for one, name in zip(shapes, names, strict=True):
@@ -182,18 +183,18 @@ def _copy(template: Path, folder: Path) -> None:
 
 
 def _follow(folder: Path, suffix: str, names: Sequence[str]) -> None:
-    """Rename what is registered of shapes that were renamed; names end with 8 digits of ids.
+    """Rename what is registered of shapes that were renamed; names end with digits of ids.
 
     Warns of what is registered of other shapes.
     """
-    now = {name[-8:]: name for name in names}
+    now = {name[-ID_DIGITS:]: name for name in names}
     try:
-        results = list((folder / REGISTRATIONS).glob("*-????????.npz"))
-        if others := sum(one.stem[-8:] not in now for one in results):
+        results = list((folder / REGISTRATIONS).glob(f"*-{'?' * ID_DIGITS}.npz"))
+        if others := sum(one.stem[-ID_DIGITS:] not in now for one in results):
             told = f"{plural(others, 'registered shape')} that {_TABLE} does not list"
             warn(f"{folder} also holds {told}; give another folder to keep them apart")
         for result in results:
-            name = now.get(result.stem[-8:], result.stem)
+            name = now.get(result.stem[-ID_DIGITS:], result.stem)
             if name == result.stem:
                 continue
             (folder / _TABLE).unlink(missing_ok=True)  # it lists what was there
