@@ -146,6 +146,7 @@ def test_duplicates() -> None:
     faces = np.vstack([CUBE_FACES, CUBE_FACES[[3, 3]][:, ::-1]])
     health = diagnose(Mesh(vertices, faces))
     assert (health.duplicate_vertices, health.duplicate_faces) == (2, 2)
+    assert health.area == pytest.approx(6)
     assert health.unreferenced_vertices == 4
 
 

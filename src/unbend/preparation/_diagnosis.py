@@ -61,7 +61,7 @@ class Diagnosis(Brief):
     duplicate_faces : int
         Faces with the same three vertices as an earlier one, in any order.
     area : float
-        Sum of the faces' areas, in the square of the mesh's unit of length.
+        Sum of the faces' areas, without duplicate ones, in the square of the mesh's unit of length.
     closed : bool
         Whether there are faces and every edge has at least two.
     euler_characteristic : int or None
@@ -142,6 +142,9 @@ def diagnose(mesh: MeshLike) -> Diagnosis:
     edges = find_edges(proper, mesh.n_vertices)
     components = find_components(faces, mesh.n_vertices)
     degenerate, area = measure_faces(vertices, faces)
+    twice = has_earlier_twin(faces)
+    if twice.any():
+        area = measure_faces(vertices, faces[~twice])[1]
     n_used = int(components.n_vertices.sum())
     boundary = edges.ends[edges.n_faces == 1]
     loops = len(np.unique(label_linked(boundary.T, mesh.n_vertices)[boundary[:, 0]]))
@@ -181,7 +184,7 @@ def diagnose(mesh: MeshLike) -> Diagnosis:
         degenerate_faces=n_degenerate,
         unreferenced_vertices=0 if mesh.is_point_cloud else mesh.n_vertices - n_used,
         duplicate_vertices=count_repeats(vertices),
-        duplicate_faces=count_repeats(np.sort(faces, axis=1)),
+        duplicate_faces=int(twice.sum()),
         area=area,
         closed=len(proper) > 0 and len(boundary) == 0,
         euler_characteristic=None if mesh.is_point_cloud else euler,
