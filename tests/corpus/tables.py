@@ -20,6 +20,7 @@ def cases() -> Iterator[Case]:
     yield from (_case(_using_values, row) for row in _values())
     yield from (_case(_using_landmarks, row) for row in _landmarks())
     yield from (_case(_using_markups, row) for row in _markups())
+    yield from (_case(_using_points, row) for row in _points())
     yield from (_case(_using_labels, row) for row in _labels())
 
 
@@ -61,6 +62,13 @@ def _using_values(name: str) -> tuple[Command, ...]:
 
 def _using_landmarks(name: str) -> tuple[Command, ...]:
     return (f"match good.off good.off --landmarks {name} -o out.npz --no-cache",)
+
+
+def _using_points(name: str) -> tuple[Command, ...]:
+    return (
+        f"match good.off good.off --landmarks {name} --landmarks {name} -o out.npz --no-cache",
+        f"view good.off --landmarks {name} -o out.html --no-open",
+    )
 
 
 def _using_markups(name: str) -> tuple[Command, ...]:
@@ -192,6 +200,16 @@ def _markups() -> Iterator[_Row]:
     yield "points of 3D Slicer, two numbers", ".json", far.replace("[9, 9, 9]", "[1, 2]"), damaged
     yield "points of 3D Slicer, deep", ".json", "[" * 10**6, damaged
     yield "points of 3D Slicer, an old file cut off", ".fcsv", "1,0,0,0\n", damaged
+
+
+def _points() -> Iterator[_Row]:
+    commas = "x;y;z\n0,5;1;2\n"
+    yield "points in a table, empty", ".csv", "", "is empty"
+    yield "points in a table, a header only", ".csv", "x,y,z\n", "holds no points"
+    yield "points in a table, decimal commas", ".csv", commas, "with decimal points"
+    yield "points in a table, two numbers", ".txt", "1 2\n", "row 0 holds '1 2'"
+    yield "points in a table, far away", ".pts", "Version 1.0\n1\nS000 9 9 9\n", "'S000' is 1"
+    yield "points in a table, noise", ".csv", bytes(range(256)), "binary data"
 
 
 def _labels() -> Iterator[_Row]:

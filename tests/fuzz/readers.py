@@ -20,6 +20,7 @@ from unbend.preparation import prepare
 _FOLDER = Path(tempfile.mkdtemp(dir="/dev/shm" if os.path.isdir("/dev/shm") else None))
 _MESHES = (".off", ".obj", ".ply", ".stl", ".xyz", ".npy", ".vtk")
 _MAPS = (".txt", ".csv", ".vts", ".npy")
+_MARKUPS = (".json", ".fcsv", ".csv", ".txt", ".pts")
 _VALUES = (".csv", ".txt", ".npy", ".ply", ".obj")
 _N = 42  # vertices that maps and values are for
 _POINTS = np.arange(3.0 * _N).reshape(-1, 3)
@@ -45,7 +46,7 @@ def maps(data: bytes) -> None:
     """Read a map, whose entries must be vertices or -1; or landmarks of two kinds."""
     _read(lambda path: read_map(path, n_target=_N), _MAPS, data, _check_map)
     _read(lambda path: read_landmarks(path, _N, _N), (".csv", ".txt"), data, _check_map)
-    _read(lambda path: read_markups(path, _POINTS)[1], (".json", ".fcsv"), data, _check_map)
+    _read(lambda path: read_markups(path, _POINTS)[1], _MARKUPS, data, _check_map)
 
 
 def values(data: bytes) -> None:

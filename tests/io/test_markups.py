@@ -1,4 +1,4 @@
-"""Landmarks of 3D Slicer: in, out, paired, and refused where they do not fit."""
+"""Landmarks of 3D Slicer and in tables: in, out, paired, and refused where they do not fit."""
 
 import json
 from pathlib import Path
@@ -92,6 +92,47 @@ def test_fcsv(tmp_path: Path, axes: str | None, sign: int) -> None:
 
 
 @pytest.mark.parametrize(
+    ("name", "text", "labels"),
+    [
+        ("a.csv", "3,1,1\n1,3,3\n", ["", ""]),
+        ("a.csv", "x,y,z\n3,1,1\n1,3,3\n", ["", ""]),
+        ("a.csv", "name;z;y;x\nnose;1;1;3\ntail;3;3;1\n", ["nose", "tail"]),
+        ("a.csv", "id,Label,X,Y,Z\n7,nose,3,1,1\n8,tail,1,3,3\n", ["nose", "tail"]),
+        ("a.csv", '"","x","y","z"\n"nose",3,1,1\n"tail",1,3,3\n', ["nose", "tail"]),  # R
+        ("a.txt", "3 1 1\n 1\t3   3\n", ["", ""]),
+        ("a.txt", "nose, 3, 1, 1\ntail, 1, 3, 3\n", ["nose", "tail"]),
+        ("a.pts", "Version 1.0\n2\nS000 3 1 1\nS001 1 3 3\n", ["S000", "S001"]),
+    ],
+)
+def test_tables_of_points(tmp_path: Path, name: str, text: str, labels: list[str]) -> None:
+    (tmp_path / name).write_text(text)
+    found, vertices = read_markups(tmp_path / name, CUBE)
+    assert (found, vertices.tolist()) == (labels, [4, 3])
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("x,y,z\n", "holds no points"),
+        ("3,1\n", "row 0 holds '3,1'; a point is x, y and z"),
+        ("3,1,1\nnose,1,3,3\n", "row 1 holds"),
+        ("3,1,1,1,3,3\n", "row 0 holds"),  # two points, or decimal commas
+        ("x;y;z\n3,0;1;1\n", "row 0 holds '3,0;1;1'; .* with decimal points"),
+        ("a,b,c\n3,1,1\n", "row 0 holds 'a,b,c'"),
+        ("x,y,z\n3 1 1\n", "row 0 holds '3 1 1'"),
+        ("label,vertex\nnose,4\n", "numbers of vertices, not points"),
+        ("3,1,1\n3,3.2,1\n", "point '2' is 0.2 from mesh, more than 3 %"),
+        ("3,1,nan\n", "point '1' has no position"),
+        ('3,1,"1\n', "not a table"),
+    ],
+)
+def test_what_tables_of_points_cannot_mean(tmp_path: Path, text: str, problem: str) -> None:
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(FileError, match=problem):
+        read_markups(tmp_path / "a.csv", CUBE)
+
+
+@pytest.mark.parametrize(
     ("text", "problem"),
     [
         (mrk(("nose", [3, 3.2, 1])), "'nose' is 0.2 from mesh, more than 3 %"),
@@ -99,6 +140,7 @@ def test_fcsv(tmp_path: Path, axes: str | None, sign: int) -> None:
         (mrk(("nose", [3, 3, 3], "", "undefined")), "'nose' has no position"),
         (mrk(("nose", [3, 3, 3], "", "missing")), "'nose' has no position"),
         (mrk(("nose", [9, 9, 9], "vertex 5")), "'nose' is 10.4 from mesh"),
+        (mrk(("nose", [1e300, 9, 9], "vertex 5")), "'nose' is inf from mesh"),
         (mrk(("nose", [0, 0, 0], "vertex 9")), "'nose' is vertex 9, but mesh has 9"),
         (mrk(("nose", [0, 0])), "not a landmark file"),
         (mrk(("nose", [0, 0, 0]), axes="IJK"), "not a landmark file"),

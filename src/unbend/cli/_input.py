@@ -107,8 +107,8 @@ def landmarks_of(paths: Sequence[str] | None, shapes: Sequence[unbend.Mesh]) -> 
         return unbend.io.read_markup_pairs(paths, source, target)[1]
     if len(paths) > 2 or paths[0].lower().endswith(unbend.io.MARKUP_SUFFIXES):
         raise InputError(
-            "--landmarks takes one .csv file of vertex pairs, or is given twice: a .mrk.json or "
-            ".fcsv file for the source, then one for the target"
+            "--landmarks takes one .csv file of vertex pairs, or is given twice: a .mrk.json, "
+            ".fcsv or .csv file of points for the source, then one for the target"
         )
     return unbend.io.read_landmarks(paths[0], source.n_vertices, target.n_vertices)
 

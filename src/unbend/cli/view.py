@@ -70,11 +70,11 @@ def _landmarks(paths: list[str], shapes: list[unbend.Mesh]) -> Any:
             return landmarks_of(paths, shapes)
         labels, pairs = unbend.io.read_markup_pairs(paths, *shapes)
         return dict(zip(labels, pairs, strict=True)) if len(set(labels)) == len(labels) else pairs
-    if len(paths) > 1 or not paths[0].lower().endswith(unbend.io.MARKUP_SUFFIXES):
-        raise InputError(
-            "--landmarks of one mesh is one .mrk.json or .fcsv file; drop a .csv file onto the page"
-        )
+    if len(paths) > 1:
+        raise InputError("--landmarks of one mesh is one file of points")
     labels, vertices = unbend.io.read_markups(paths[0], shapes[0])
+    if not any(labels):
+        return vertices
     if len(set(labels)) < len(labels):
         raise InputError(f"{paths[0]}: give each point a label of its own")
     return dict(zip(labels, vertices.tolist(), strict=True))

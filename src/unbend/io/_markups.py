@@ -1,9 +1,10 @@
-"""Landmarks of 3D Slicer: points with labels, in .mrk.json and .fcsv files."""
+"""Landmarks as points with labels: .mrk.json and .fcsv files of 3D Slicer, tables of x, y, z."""
 
 from __future__ import annotations
 
 import csv
 import json
+import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,10 +20,11 @@ from unbend.errors import FileError, InputError, warn
 from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes
 from unbend.io._foreign import MeshLike
 from unbend.io._meshes import as_mesh
-from unbend.io.formats.contents import text_lines
+from unbend.io.formats.contents import are_numbers, data_lines, misfit, text_lines
 from unbend.mesh import used_vertices, vertex_ids
 
 MARKUP_SUFFIXES = (".json", ".fcsv")
+_TABLES = (".csv", ".txt", ".pts")
 # Of the diagonal of the mesh's bounding box: how far from the mesh a point may be, and how far from
 # the vertex that it is described as unless it has been moved.
 _FARTHEST, _MOVED = 0.03, 1e-3
@@ -36,20 +38,22 @@ _FLIPS = {"LPS": 1, "RAS": -1, "1": 1, "0": -1}
 
 
 def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
-    """Read landmarks that 3D Slicer or unbend placed on a mesh.
+    """Read landmarks that 3D Slicer, unbend or another program placed on a mesh.
 
     Parameters
     ----------
     path : path
         A .mrk.json or .fcsv file. A point described as ``vertex 123`` is that vertex if it lies
         there; any other is moved to the nearest vertex. Points in RAS are turned to LPS, in which
-        Slicer writes meshes.
+        Slicer writes meshes. Or a .csv, .txt or .pts table: x, y and z in each row, perhaps after a
+        label, or in columns of these names, with a label in one called label, name, or otherwise.
     mesh : mesh-like
         The mesh with the points on it.
 
     Returns
     -------
     labels : list of str
+        Empty where a point has none.
     vertices : (l,) ndarray of int64
 
     Raises
@@ -65,7 +69,7 @@ def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
         different places that are one vertex.
     """
     path, mesh = Path(path), as_mesh(mesh)
-    data = read_bytes(path, MARKUP_SUFFIXES)
+    data, suffix = read_bytes(path, (*MARKUP_SUFFIXES, *_TABLES)), path.suffix.lower()
     used = used_vertices(mesh)
     there = np.flatnonzero(np.isfinite(used).all(axis=1))
     if not len(there):
@@ -75,16 +79,21 @@ def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
     vertices, away, n_moved = [], [], 0
     with prefixed(path.name):
         try:
-            points = _fcsv(data) if path.suffix.lower() == ".fcsv" else _mrk_json(data)
+            if suffix in _TABLES:
+                points = _table(data, suffix)
+            else:
+                points = _fcsv(data) if suffix == ".fcsv" else _mrk_json(data)
+        except FileError:
+            raise
         except (ValueError, LookupError, TypeError, AttributeError, RecursionError, csv.Error) as e:
             raise FileError("not a landmark file of 3D Slicer, or a damaged one") from e
         if not points:
             raise FileError("holds no points")
-        for label, description, position in points:
+        for i, (label, description, position) in enumerate(points):
+            label = label or f"{i + 1}"
             if not np.isfinite(position).all():
                 raise FileError(f"point {label!r} has no position: place it, or delete it")
             distance, nearest = tree.query(position)
-            vertex = int(there[nearest])
             number = re.fullmatch(r"vertex (\d{1,18})", description)
             described = int(number[1]) if number else -1
             if described >= mesh.n_vertices:
@@ -92,14 +101,16 @@ def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
                     f"point {label!r} is {description}, but {mesh.name} has "
                     f"{plural(mesh.n_vertices, 'vertex')}"
                 )
-            moved = np.linalg.norm(mesh.vertices[described] - position)
+            moved = math.dist(mesh.vertices[described], position)
             if described >= 0 and moved <= _MOVED * size:
                 vertex = described
-            elif distance > _FARTHEST * size:
+            elif nearest == len(there) or distance > _FARTHEST * size:  # none, if it overflows
                 raise FileError(
                     f"point {label!r} is {distance:.3g} from {mesh.name}, more than 3 % of its "
                     "size: is it of another mesh, unit or axes (RAS or LPS)?"
                 )
+            else:
+                vertex = int(there[nearest])
             vertices.append(vertex)
             away.append(distance)
             n_moved += described not in (-1, vertex)
@@ -218,6 +229,37 @@ def _fcsv(data: bytes) -> list[_Point]:
     axes = [line.partition("=")[2].strip() for line in lines if "CoordinateSystem" in line]
     rows = csv.reader((line for line in lines if line and not line.startswith("#")), strict=True)
     return [_point(row[11], row[12], row[1:4], axes[0] if axes else "RAS") for row in rows]
+
+
+def _table(data: bytes, suffix: str) -> list[_Point]:
+    """Rows of x, y, z, perhaps after a label, or columns of these names; IDAV's .pts likewise."""
+    lines = data_lines(data, suffix[1:])
+    if suffix == ".pts" and lines and re.match(r"version", lines[0], re.IGNORECASE):
+        lines = lines[2:]  # how many there are
+    between = next((mark for mark in ";\t," if lines and mark in lines[0]), " ")
+    if between == " ":
+        lines = [" ".join(line.split()) for line in lines]
+    cells = csv.reader(lines, delimiter=between, skipinitialspace=True, strict=True)
+    try:
+        rows = [[word.strip() for word in row] for row in cells]
+    except csv.Error as error:
+        raise FileError(f"not a table: {error}") from None
+    names = [name.lower() for name in rows[0]] if rows else []
+    if names == ["label", "vertex"]:
+        raise FileError("holds numbers of vertices, not points: load it on the page of unbend view")
+    at, others, first = [-3, -2, -1], [0] if len(names) > 3 else [], 0
+    if {"x", "y", "z"} <= set(names):
+        at, first = [names.index(axis) for axis in "xyz"], 1
+        others = [i for i in range(len(names)) if i not in at]
+        others.sort(key=lambda i: (names[i] not in ("label", "name"), not names[i]))
+    points = []
+    for i, row in enumerate(rows[first:]):
+        of_row = len(row) == len(names) and (first or len(row) in (3, 4))
+        if not of_row or not are_numbers(row[axis] for axis in at):
+            meant = "x, y and z with decimal points, perhaps after a label, or below these names"
+            raise misfit(f"row {i}", between.join(row), f"; a point is {meant}")
+        points.append(_point(row[others[0]] if others else "", "", [row[k] for k in at], "LPS"))
+    return points
 
 
 def _point(label: Any, description: Any, position: Any, axes: Any) -> _Point:
