@@ -186,6 +186,7 @@ def test_landmarks_of_other_programs(tmp_path: Path, text: str) -> None:
         ("1,-2\n", "row 0 holds '1 -2'"),
         ("12,4o\n7,3\n", "row 0 holds '12 4o'"),  # a slip, no names of columns
         (f"0,{10**19 - 1}\n", "row 0 holds '0 99999"),
+        ("nose tip,1,2,3\n", "row 0 holds 'nose tip 1 2 3'.*; points need a file for each"),
         ("1,2,3\n", "row 0 holds '1 2 3'.*; points need a file for each shape"),
     ],
 )

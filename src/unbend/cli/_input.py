@@ -105,7 +105,7 @@ def landmarks_of(paths: Sequence[str] | None, shapes: Sequence[unbend.Mesh]) -> 
         return None
     if len(paths) == 2:
         return unbend.io.read_markup_pairs(paths, source, target)[1]
-    if len(paths) > 2 or paths[0].lower().endswith(unbend.io.MARKUP_SUFFIXES):
+    if len(paths) > 2 or paths[0].lower().endswith((*unbend.io.MARKUP_SUFFIXES, ".pts")):
         raise InputError(
             "--landmarks takes one .csv file of vertex pairs, or is given twice: a .mrk.json, "
             ".fcsv or .csv file of points for the source, then one for the target"

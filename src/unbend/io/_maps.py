@@ -159,7 +159,7 @@ def read_landmarks(
         for index, row in enumerate(rows):
             if len(row) != 2 or not all(word.isdecimal() and len(word) < 19 for word in row):
                 meant = "two vertex numbers, of the source and of the target, counted from 0"
-                if len(row) in (3, 4):
+                if len(row) > 2:
                     meant += "; points need a file for each shape"
                 raise misfit(f"row {index}", " ".join(row), f"; a landmark is {meant}")
             for word, n, side in zip(row, (n_source, n_target), ("source", "target"), strict=True):

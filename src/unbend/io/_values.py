@@ -105,7 +105,7 @@ def read_named_values(
     given: Any = read_contents(path) if of_mesh else read_bytes(path, known)
     with prefixed(path.name):
         if of_mesh:
-            values, names = _of_mesh(given.values(), name)
+            values, names = _of_mesh(given.values(), name, suffix)
         elif suffix == ".npy":
             values, names = read_array(given), []
         else:
@@ -121,7 +121,7 @@ def read_named_values(
 
 
 def _of_mesh(
-    columns: dict[str, npt.NDArray[Any]], name: str | None
+    columns: dict[str, npt.NDArray[Any]], name: str | None, suffix: str
 ) -> tuple[npt.NDArray[Any], list[str]]:
     """Choose among the values per vertex of a mesh file."""
     found = _grouped(columns)
@@ -135,7 +135,8 @@ def _of_mesh(
                 warn(_OPAQUE)
         return found[name], _numbered(name, found[name][:1].size)
     if not found:
-        raise FileError("holds no values per vertex")
+        texture = "; unbend register carries its texture" if suffix == ".obj" else ""
+        raise FileError(f"holds no values per vertex{texture}")
     raise FileError(f"holds {', '.join(found)}; name one of them with --property (name= in Python)")
 
 
