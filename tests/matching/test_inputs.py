@@ -62,6 +62,14 @@ def test_every_vertex_in_use_has_one_that_stands_for_it() -> None:
     np.testing.assert_allclose(apart / before, apart[0] / before[0])
 
 
+def test_a_surface_that_is_cut_along_a_seam_is_told() -> None:
+    ball = make_sphere(2)
+    upper = ball.vertices[ball.faces].mean(axis=1)[:, 2] > 0.3
+    faces = np.concatenate([ball.faces[~upper], ball.faces[upper] + 162])
+    with pytest.warns(UnbendWarning, match=r"goes along .*; \d+ vertices are where another"):
+        prepare_shape(Mesh(np.tile(ball.vertices, (2, 1)), faces), 10)
+
+
 def test_vertices_far_from_what_is_matched_are_no_landmarks_and_errors_there_are_large() -> None:
     small, large = make_sphere(0), make_sphere(2)
     stone = large.vertices * [1, 0.8, 0.6] + 0.2 * large.vertices[:, [1, 2, 0]] ** 2

@@ -45,8 +45,21 @@ def test_several_components_are_refused_with_a_remedy() -> None:
         prepare(TWO)
     assert str(caught.value) == (
         "two.off: the mesh has 2 separate components (with 4 and 3 vertices); keep one with "
-        '--component largest (in Python: component="largest")'
+        '--component largest (in Python: component="largest"); 3 vertices are where another '
+        "component has one: merge such vertices first if these are seams of one surface"
     )
+
+
+def test_components_that_meet_in_seams_are_told() -> None:
+    """A vertex at the position of one of its own component, or of one in no face, is no seam."""
+    row = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [2, 0, 0], [2, 1, 0], [1, 0, 0]]
+    vertices = np.array([*row, *(np.array(row[1:4])), row[4]])
+    faces = np.array([[0, 1, 2], [5, 1, 0], [6, 7, 8]])
+    seams = r"; 2 vertices are where another component has one: merge such vertices first if"
+    with pytest.raises(MeshError, match=r"\(with 4 and 3 vertices\); .*\)" + seams):
+        prepare(Mesh(vertices, faces))
+    with pytest.raises(MeshError, match="only 3 vertices; a shape needs at least 4" + seams):
+        prepare(Mesh(vertices, faces), component=1)
 
 
 @pytest.mark.parametrize("component", ["largest", 0, np.int64(0)])

@@ -18,7 +18,7 @@ from unbend.io import MeshLike, as_mesh
 from unbend.matching import _constants as constants
 from unbend.matching._shape import Shape, make_shape
 from unbend.mesh import Mesh, find_components, orient_consistently, outwardness, vertex_ids
-from unbend.preparation import restrict, surface_of_points
+from unbend.preparation import describe_seams, restrict, surface_of_points
 from unbend.spectral import Surface, eigenpairs, make_surface
 
 # Vertices of all meshes, above which the spectrum of one keeps every core busy and those of several
@@ -180,5 +180,6 @@ def _largest(mesh: Mesh) -> tuple[Mesh, IntArray, IntArray]:
         f"{mesh.name}: its largest component is matched, {components.n_vertices[0]} of "
         f"{mesh.n_vertices} vertices; {plural(n_others, 'smaller component')} "
         f"{'goes' if n_others == 1 else 'go'} along with what is nearest to it"
+        f"{describe_seams(mesh, components)}"
     )
     return restrict(mesh, components.of_vertex == 0)

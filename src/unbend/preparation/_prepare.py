@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from unbend._arrays import coarse_steps, count_repeats, is_whole
+from unbend._arrays import coarse_steps, count_repeats, first_equal_row, is_whole
 from unbend._text import plural
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.errors import InputError, MeshError
@@ -69,7 +69,7 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
         raise MeshError(
             f"{mesh.name}: the mesh has {n_components} separate components "
             f"(with {_sizes(components)} vertices); keep one with --component largest "
-            '(in Python: component="largest")'
+            f'(in Python: component="largest"){describe_seams(mesh, components)}'
         )
     notes = []
     keep = components.of_vertex >= 0
@@ -86,7 +86,7 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
     if len(kept) < _LEAST_VERTICES:
         raise MeshError(
             f"{mesh.name}: faces use only {plural(len(kept), 'vertex')}; a shape needs at least "
-            f"{_LEAST_VERTICES}"
+            f"{_LEAST_VERTICES}{describe_seams(mesh, components)}"
         )
     degenerate = measure_faces(working.vertices, working.faces)[0]
     if degenerate.all():
@@ -147,6 +147,21 @@ def describe_rounding(mesh: Mesh) -> str:
     return (
         f"positions are rounded to about {step:.1g}, and vertices are about {apart:.1g} apart; "
         "move the shape to the origin before saving it"
+    )
+
+
+def describe_seams(mesh: Mesh, components: Components) -> str:
+    """Say so, to end a sentence, if vertices of several components have one position."""
+    other = components.of_vertex[first_equal_row(mesh.vertices)]
+    shared = int(
+        (np.minimum(other, components.of_vertex) >= 0)[other != components.of_vertex].sum()
+    )
+    if not shared:
+        return ""
+    verb = "is" if shared == 1 else "are"
+    return (
+        f"; {plural(shared, 'vertex')} {verb} where another component has one: merge such vertices "
+        "first if these are seams of one surface"
     )
 
 
