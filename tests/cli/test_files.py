@@ -154,6 +154,11 @@ def test_landmarks_are_carried_and_lead_a_match(folder: Path) -> None:
     assert json.loads(done.stdout)["kind"] == "landmarks"
     labels, vertices = read_markups("b.mrk.json", TARGET)
     assert (labels, vertices.tolist()) == (["nose", "tail", "paw"], [3, 500, 77])
+    np.savetxt("points.csv", SOURCE.vertices[[3, 500]], delimiter=",")
+    right(
+        "transfer", "a.ply", "b.ply", "--values", "points.csv", "-o", "c.json", "--map", "map.npy"
+    )
+    assert read_markups("c.json", TARGET)[1].tolist() == [3, 500]
     stones = write_stones(folder, 2)
     for name, stone in zip("ab", stones, strict=True):
         write_markups(f"{name}.mrk.json", read_mesh(stone), [3, 100], ["top", "side"])

@@ -29,7 +29,8 @@ def transfer(
     """Transfer values from source to target: numbers are averaged, labels by majority.
 
       values: A row per source vertex (.npy, .csv, .txt): numbers, labels, weights, colours; a mesh
-          with such values (.ply, .obj ...); or landmarks (.mrk.json, .fcsv).
+          with such values (.ply, .obj ...); or landmarks (.mrk.json, .fcsv, or a table of x,y,z
+          if `out` is .mrk.json).
       out: .npy, .csv or .txt: a row per target vertex; .ply, .vtp: the target with the values;
           .obj, .glb: the target with colours or texture coordinates. Numbers and labels are
           coloured, for Blender and MeshLab. Landmarks: .mrk.json.
@@ -46,11 +47,13 @@ def transfer(
     $ unbend transfer dog.ply cat.ply --values parts.csv --min-confidence 0.7 -o cat_parts.csv
     $ unbend transfer dog.ply cat.ply --values dog.ply --property color -o cat_colored.ply
     $ unbend transfer dog.ply cat.ply --values dog.mrk.json -o cat.mrk.json
+    $ unbend transfer dog.ply cat.ply --values dog_points.csv -o cat.mrk.json
     """
     import numpy as np
 
     io = unbend.io
-    is_markup = values.lower().endswith(io.MARKUP_SUFFIXES)
+    # A table holds points if landmarks shall be written: values never are in .json files.
+    is_markup = any(path.lower().endswith(io.MARKUP_SUFFIXES) for path in (values, out))
     io.check_writable(out, (".json",) if is_markup else io.VALUE_SUFFIXES + io.COLOR_SUFFIXES)
     shapes = a, b = read_shapes((source, target))
     chosen: Any = "landmarks"
