@@ -130,6 +130,9 @@ def test_a_mesh_without_values_says_so(tmp_path: Path) -> None:
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n")
     with pytest.raises(FileError, match="no values per vertex; unbend register carries its tex"):
         read_values(tmp_path / "a.obj", name="uv")
+    write_mesh(tmp_path / "a.obj", SQUARE)
+    with pytest.raises(FileError, match=r"no values per vertex$"):
+        read_values(tmp_path / "a.obj")
     (tmp_path / "a.csv").write_text("part,side\n1,2\n")
     with pytest.raises(InputError, match=r"all its columns are taken: .* keep the column part"):
         read_values(tmp_path / "a.csv", name="part")

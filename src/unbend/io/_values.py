@@ -19,7 +19,7 @@ from unbend.errors import FileError, InputError, warn
 from unbend.io._colors import value_colors
 from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes, write_table
 from unbend.io._foreign import MeshLike
-from unbend.io._meshes import READ_SUFFIXES, as_mesh, read_contents
+from unbend.io._meshes import READ_SUFFIXES, as_mesh, file_extras, read_contents
 from unbend.io._value_tables import read_table_of_values
 from unbend.io._writing import COLOR_SUFFIXES, SCALAR_SUFFIXES, TAKEN, write_mesh
 from unbend.io.formats.npy import read_array
@@ -105,7 +105,7 @@ def read_named_values(
     given: Any = read_contents(path) if of_mesh else read_bytes(path, known)
     with prefixed(path.name):
         if of_mesh:
-            values, names = _of_mesh(given.values(), name, suffix)
+            values, names = _of_mesh(given.values(), name, path)
         elif suffix == ".npy":
             values, names = read_array(given), []
         else:
@@ -121,7 +121,7 @@ def read_named_values(
 
 
 def _of_mesh(
-    columns: dict[str, npt.NDArray[Any]], name: str | None, suffix: str
+    columns: dict[str, npt.NDArray[Any]], name: str | None, path: Path
 ) -> tuple[npt.NDArray[Any], list[str]]:
     """Choose among the values per vertex of a mesh file."""
     found = _grouped(columns)
@@ -135,8 +135,9 @@ def _of_mesh(
                 warn(_OPAQUE)
         return found[name], _numbered(name, found[name][:1].size)
     if not found:
-        texture = "; unbend register carries its texture" if suffix == ".obj" else ""
-        raise FileError(f"holds no values per vertex{texture}")
+        textured = "texture coordinates" in file_extras(path)
+        hint = "; unbend register carries its texture" if textured else ""
+        raise FileError(f"holds no values per vertex{hint}")
     raise FileError(f"holds {', '.join(found)}; name one of them with --property (name= in Python)")
 
 
