@@ -142,17 +142,17 @@ def diagnose(mesh: MeshLike) -> Diagnosis:
     edges = find_edges(proper, mesh.n_vertices)
     components = find_components(faces, mesh.n_vertices)
     degenerate, area = measure_faces(vertices, faces)
-    twice = has_earlier_twin(faces)
-    if twice.any():
-        area = measure_faces(vertices, faces[~twice])[1]
+    twice, once = has_earlier_twin(faces), proper
+    if twice.any():  # they add no area, and hide how the others are oriented
+        once = proper_faces(faces[~twice])
+        area = measure_faces(vertices, once)[1]
     n_used = int(components.n_vertices.sum())
     boundary = edges.ends[edges.n_faces == 1]
     loops = len(np.unique(label_linked(boundary.T, mesh.n_vertices)[boundary[:, 0]]))
     non_manifold_edges = int((edges.n_faces > 2).sum())
     non_manifold_vertices = count_non_manifold_vertices(proper, edges)
     inconsistent = int(((edges.n_faces == 2) & (edges.n_upward != 1)).sum())
-    once = proper[~has_earlier_twin(proper)]  # repeated faces hide how the others are oriented
-    turnable = inconsistent or len(once) < len(proper)
+    turnable = inconsistent or twice.any()
     oriented = orient_consistently(vertices, once) if turnable else once
     euler = n_used - len(edges.ends) + len(proper)
     surface = (
