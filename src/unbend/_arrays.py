@@ -13,6 +13,7 @@ from unbend.errors import InputError
 # Values that a symmetry makes equal come out of a solver with errors far below this share.
 _ROUNDING = 1e-6
 _GRID_BITS = 27
+_LEAST_SINGLE = 2.0**-149  # of 32-bit numbers
 _COARSE = 0.1  # of the distance between points: rounding to longer steps turns faces about
 
 
@@ -80,7 +81,7 @@ def coarse_steps(points: npt.NDArray[Any]) -> tuple[float, float] | None:
     None if rounding moves them too little to turn faces about.
     """
     with np.errstate(over="ignore"):
-        step = float(np.finfo(np.float32).eps * np.abs(points).max())
+        step = max(float(np.finfo(np.float32).eps * np.abs(points).max()), _LEAST_SINGLE)
         apart = float(np.ptp(points, axis=0).max() / np.sqrt(len(points)))
     return None if step <= _COARSE * apart else (step, apart)
 

@@ -223,6 +223,8 @@ class TestWriting:
         with pytest.warns(UnbendWarning, match=r"rounded to about 0\.5, and vertices are about 0"):
             write_mesh(tmp_path / f"m{suffix}", (far, TRIANGLES))
         write_mesh(tmp_path / f"m{suffix}", (np.rint(far), TRIANGLES))  # which it holds
+        with pytest.warns(UnbendWarning, match="rounded to about 1e-45, and vertices"):
+            write_mesh(tmp_path / f"m{suffix}", (SQUARE * 1e-50, TRIANGLES))
         write_mesh(tmp_path / "m.ply", (far, TRIANGLES))
 
     def test_the_suffix_is_checked_before_any_work(self, tmp_path: Path) -> None:
