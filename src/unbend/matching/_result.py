@@ -46,7 +46,8 @@ class Match:
         Source vertex of each target vertex, likewise.
     functional_map : (k, k) ndarray of float64
         Pulls functions back from target to source, in the first k eigenfunctions (the constant
-        among them, unit total area): ``source_basis @ functional_map`` is close to
+        among them, unit total area) of the largest components, or of the surfaces reconstructed
+        from point clouds: ``source_basis @ functional_map`` is close to
         ``target_basis[source_to_target]``. For areas `a` of the source that sum to one, 0 where
         there is no partner, it is ``source_basis.T @ diag(a) @ target_basis[source_to_target]``.
     orientation : float
