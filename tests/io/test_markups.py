@@ -96,6 +96,7 @@ def test_fcsv(tmp_path: Path, axes: str | None, sign: int) -> None:
     [
         ("a.csv", "3,1,1\n1,3,3\n", ["", ""]),
         ("a.csv", "x,y,z\n3,1,1\n1,3,3\n", ["", ""]),
+        ("a.csv", "x,y,z,quality\n3,1,1,0.9\n1,3,3,0.8\n", ["", ""]),
         ("a.csv", "name;z;y;x\nnose;1;1;3\ntail;3;3;1\n", ["nose", "tail"]),
         ("a.csv", "id,Label,X,Y,Z\n7,nose,3,1,1\n8,tail,1,3,3\n", ["nose", "tail"]),
         ("a.csv", '"","x","y","z"\n"nose",3,1,1\n"tail",1,3,3\n', ["nose", "tail"]),  # R

@@ -46,7 +46,8 @@ def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
         A .mrk.json or .fcsv file. A point described as ``vertex 123`` is that vertex if it lies
         there; any other is moved to the nearest vertex. Points in RAS are turned to LPS, in which
         Slicer writes meshes. Or a .csv, .txt or .pts table: x, y and z in each row, perhaps after a
-        label, or in columns of these names, with a label in one called label, name, or otherwise.
+        label, or in columns of these names, with a label in the first or in one called label or
+        name.
     mesh : mesh-like
         The mesh with the points on it.
 
@@ -247,18 +248,18 @@ def _table(data: bytes, suffix: str) -> list[_Point]:
     names = [name.lower() for name in rows[0]] if rows else []
     if names == ["label", "vertex"]:
         raise FileError("holds numbers of vertices, not points: load it on the page of unbend view")
-    at, others, first = [-3, -2, -1], [0] if len(names) > 3 else [], 0
+    at, label, first = [-3, -2, -1], 0, 0
     if {"x", "y", "z"} <= set(names):
         at, first = [names.index(axis) for axis in "xyz"], 1
-        others = [i for i in range(len(names)) if i not in at]
-        others.sort(key=lambda i: (names[i] not in ("label", "name"), not names[i]))
+        label = next((i for i, name in enumerate(names) if name in ("label", "name")), 0)
+    labelled = len(names) > 3 and label not in at
     points = []
     for i, row in enumerate(rows[first:]):
         of_row = len(row) == len(names) and (first or len(row) in (3, 4))
         if not of_row or not are_numbers(row[axis] for axis in at):
             meant = "x, y and z with decimal points, perhaps after a label, or below these names"
             raise misfit(f"row {i}", between.join(row), f"; a point is {meant}")
-        points.append(_point(row[others[0]] if others else "", "", [row[k] for k in at], "LPS"))
+        points.append(_point(row[label] if labelled else "", "", [row[k] for k in at], "LPS"))
     return points
 
 
