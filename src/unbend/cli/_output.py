@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import typer
 
@@ -18,9 +18,6 @@ import unbend
 from unbend._display import confidence_told, is_doubtful, where_landmarks_help
 from unbend._text import printable, quoted
 from unbend.errors import UnbendWarning
-
-if TYPE_CHECKING:
-    from unbend._types import FloatArray
 
 EXIT_SOME_FAILED = 1
 EXIT_REFUSED = 2
@@ -258,14 +255,3 @@ def matrix(names: Sequence[str], values: Iterable[Sequence[float]]) -> list[str]
 def command_line() -> str:
     """Give the command that is running, as it could be typed again."""
     return quoted("unbend", *sys.argv[1:])
-
-
-def write_columns(path: str, values: FloatArray, names: Sequence[str]) -> None:
-    """Write an array to a .npy file, or with names of its columns to a .csv file."""
-    import numpy as np
-
-    with unbend.io.atomic_write(path) as file:
-        if path.lower().endswith(".npy"):
-            np.save(file, values)
-        else:
-            np.savetxt(file, values, "%.17g", ",", header=",".join(names), comments="")

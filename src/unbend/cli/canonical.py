@@ -159,7 +159,8 @@ def _write(out: str, path: str, shape: unbend.Mesh, points: FloatArray) -> None:
     import numpy as np
 
     if not out.lower().endswith(_MESH_SUFFIXES):
-        output.write_columns(out, points, [f"x{i + 1}" for i in range(points.shape[1])])
+        names = [f"x{i + 1}" for i in range(points.shape[1])]
+        unbend.io.write_values(out, points, shape, names=names)
         return
     # Faces outside the chosen component have lost their vertices: no viewer could draw them.
     there = np.isfinite(points.sum(axis=1))

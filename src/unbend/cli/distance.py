@@ -10,7 +10,7 @@ import unbend
 from unbend.choices import Axis, DistanceKind, LaplacianKind
 from unbend.cli import _options as options
 from unbend.cli._input import read_shapes
-from unbend.cli._output import lines_to_keep, progress, rows, tell, write_columns
+from unbend.cli._output import lines_to_keep, progress, rows, tell
 from unbend.errors import InputError
 
 
@@ -76,7 +76,7 @@ def distance(
         lines_to_keep(out, mesh)
         unbend.write_mesh(out, shape, scalars=dict(zip(names, field, strict=True)))
     elif out is not None:
-        write_columns(out, field.T, names)
+        unbend.io.write_values(out, field.T, shape, names=names)
     nearest = field.min(axis=0)
     if figure is not None:
         unbend.report.draw_values(shape, nearest, figure, label=f"{kind} distance", up=up)
