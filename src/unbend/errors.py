@@ -77,6 +77,23 @@ def warn(message: str) -> None:
 
 
 @contextmanager
+def file_errors(task: str) -> Iterator[None]:
+    """Say in a FileError what task the system does not let us do, and why."""
+    try:
+        yield
+    except OSError as error:
+        raise FileError(f"cannot {task}: {error.strerror or error}") from error
+
+
+@contextmanager
+def unheard() -> Iterator[None]:
+    """Drop the warnings of a block."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnbendWarning)
+        yield
+
+
+@contextmanager
 def heard() -> Iterator[list[str]]:
     """Collect the warnings of a block, each once, in a list that is filled at its end."""
     said: list[str] = []

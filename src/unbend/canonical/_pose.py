@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 
 from unbend._types import FloatArray, IntArray, Progress
 from unbend.canonical._canonical_form import CanonicalForm
-from unbend.errors import InputError, UnbendWarning
+from unbend.errors import InputError, unheard
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import Mesh, orient_consistently
 from unbend.spectral import make_surface
@@ -71,8 +69,7 @@ def lay_into_pose(
         raise InputError(f"a pose needs a form of 3 dimensions, not {form.points.shape[1]}")
     inside = np.asarray(np.isfinite(form.points).all(axis=1))
     part = Mesh(mesh.vertices, mesh.faces[inside[mesh.faces].all(axis=1)], name=mesh.name)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UnbendWarning)  # the form has warned already
+    with unheard():  # the form has warned already
         surface = make_surface(part, laplacian=form.laplacian)  # type: ignore[arg-type]
     unit, areas = np.sqrt(surface.area), surface.operator.areas
     vertices, faces = surface.mesh.vertices / unit, surface.mesh.faces

@@ -10,7 +10,6 @@ import queue
 import signal
 import sys
 import time
-import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from datetime import timedelta
@@ -22,7 +21,7 @@ from unbend._memory import LIMIT_VARIABLE, available_memory
 from unbend._parallel import n_cores
 from unbend._types import Progress
 from unbend.collection._rows import Failure
-from unbend.errors import InputError, MissingExtraError, UnbendError, UnbendWarning, warn
+from unbend.errors import InputError, MissingExtraError, UnbendError, warn
 
 # Tasks for each thread of the cluster: one is computed while the next waits.
 _TASKS_PER_THREAD = 2
@@ -181,13 +180,11 @@ def _stream(
 
 
 def _call(function: Callable[[Any], Any], items: list[Any]) -> list[Outcome]:
-    """Work on items without warnings; any error is the reason why one has no value."""
+    """Work on items; any error is the reason why one has no value."""
     outcomes = []
     for item in items:
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", UnbendWarning)
-                outcomes.append(Outcome(item, function(item)))
+            outcomes.append(Outcome(item, function(item)))
         except Exception as error:  # of any kind: other items go on
             outcomes.append(Outcome(item, None, Failure.of("", error).reason))
     return outcomes

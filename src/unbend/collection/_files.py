@@ -18,7 +18,7 @@ from unbend._parallel import run_all
 from unbend._text import plural, quoted
 from unbend._types import StrPath
 from unbend.collection._rows import Entry, Failure, Hit
-from unbend.errors import FileError, UnbendError, warn
+from unbend.errors import FileError, UnbendError, file_errors, warn
 from unbend.io import READ_SUFFIXES, read_mesh
 from unbend.mesh import Mesh
 
@@ -187,10 +187,8 @@ def make_folder(path: StrPath) -> Path:
     if not os.fspath(path):
         raise FileError("the folder for results has no name; . is the current one")
     folder = Path(path)
-    try:
+    with file_errors(f"make the folder {folder}"):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileError(f"cannot make the folder {folder}: {error.strerror or error}") from None
     if not os.access(folder, os.W_OK | os.X_OK):
         raise FileError(f"cannot write into the folder {folder}: no permission")
     return folder

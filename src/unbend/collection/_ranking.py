@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -15,7 +14,7 @@ from unbend.alignment import align
 from unbend.collection._files import find_file
 from unbend.collection._rows import Hit
 from unbend.collection._store import Store, among
-from unbend.errors import FileError, UnbendError, UnbendWarning, warn
+from unbend.errors import FileError, UnbendError, unheard, warn
 from unbend.io import read_mesh
 from unbend.matching import match
 from unbend.mesh import Mesh
@@ -43,8 +42,7 @@ def rank_by_match(
         except FileError as error:
             warn(f"{error}; until then it comes last")
             continue
-        with warnings.catch_warnings(), suppress(UnbendError):
-            warnings.simplefilter("ignore", UnbendWarning)
+        with unheard(), suppress(UnbendError):
             energies[-1] = match(query, read_mesh(path)).hypotheses[0].energy
     return _ranked(hits, energies)
 

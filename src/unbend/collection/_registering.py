@@ -34,7 +34,7 @@ from unbend.collection._files import (
 from unbend.collection._rows import Entry, Failure, Registered, RegisteredShape
 from unbend.collection._store import Store, check_outside
 from unbend.correspondence import Registration, register, write_registration
-from unbend.errors import FileError, InputError, heard, warn
+from unbend.errors import FileError, InputError, file_errors, heard, warn
 from unbend.io import atomic_write, moved_obj, read_bytes, read_mesh, read_table, write_table
 from unbend.matching import landmark_pairs, match, prepare_spectrum
 from unbend.mesh import Mesh
@@ -188,7 +188,7 @@ def _follow(folder: Path, suffix: str, names: Sequence[str]) -> None:
     Warns of what is registered of other shapes.
     """
     now = {name[-ID_DIGITS:]: name for name in names}
-    try:
+    with file_errors(f"write into {folder}"):
         results = list((folder / REGISTRATIONS).glob(f"*-{'?' * ID_DIGITS}.npz"))
         if others := sum(one.stem[-ID_DIGITS:] not in now for one in results):
             told = f"{plural(others, 'registered shape')} that {_TABLE} does not list"
@@ -204,8 +204,6 @@ def _follow(folder: Path, suffix: str, names: Sequence[str]) -> None:
                     old.replace(new)
                 else:
                     old.unlink(missing_ok=True)
-    except OSError as error:
-        raise FileError(f"cannot write into {folder}: {error.strerror or error}") from error
 
 
 def _landmarks(result: Path) -> IntArray | None:
@@ -256,10 +254,8 @@ def _write_tables(
 ) -> tuple[RegisteredShape, ...]:
     """Write all positions in bounded memory, then the rows that say whose they are."""
     table = folder / _TABLE
-    try:
+    with file_errors(f"write {table}"):
         table.unlink(missing_ok=True)
-    except OSError as error:
-        raise FileError(f"cannot write {table}: {error.strerror or error}") from error
     for part in folder.glob(".vertices.*.part"):
         with suppress(OSError):
             if part.stat().st_mtime < began:  # of a run that was killed, not of one beside this

@@ -16,7 +16,7 @@ from typing import Any, BinaryIO
 
 from unbend._memory import available_memory
 from unbend._types import StrPath
-from unbend.errors import FileError, MeshError
+from unbend.errors import FileError, MeshError, file_errors
 
 
 def check_writable(path: StrPath, suffixes: Collection[str]) -> Path:
@@ -29,12 +29,8 @@ def check_writable(path: StrPath, suffixes: Collection[str]) -> Path:
         raise FileError(f"cannot write {path}: it is a folder; give a file's name")
     check_suffix(path, suffixes, "write")
     folder = path.parent
-    try:
-        path.lstat()
-    except (FileNotFoundError, NotADirectoryError):
-        pass
-    except OSError as error:  # its name is too long, or we may not look
-        raise FileError(f"cannot write {path}: {error.strerror or error}") from error
+    with file_errors(f"write {path}"), suppress(FileNotFoundError, NotADirectoryError):
+        path.lstat()  # its name may be too long, or we may not look
     if os.path.exists(path) and not os.path.isfile(path):
         raise FileError(f"cannot write {path}: it is not a regular file")
     if not os.path.isdir(folder):

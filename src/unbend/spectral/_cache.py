@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from unbend._arrays import is_number
 from unbend._types import FloatArray
-from unbend.errors import FileError, InputError
+from unbend.errors import FileError, InputError, file_errors
 from unbend.io import atomic_write
 from unbend.mesh import Mesh
 
@@ -145,10 +145,8 @@ def clear_cache() -> int:
     """Remove every cached spectrum; return how many there were. FileError if one cannot be."""
     files = list(_files())
     for path, _, _ in files:
-        try:
+        with file_errors(f"remove {path}"):
             path.unlink(missing_ok=True)
-        except OSError as error:
-            raise FileError(f"cannot remove {path}: {error.strerror}") from None
     return len(files)
 
 

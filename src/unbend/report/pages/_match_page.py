@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from html import escape
@@ -16,7 +15,7 @@ from unbend._types import BoolArray, FloatArray, IntArray, Progress, StrPath
 from unbend.canonical import canonical_form
 from unbend.choices import Axis
 from unbend.correspondence import as_point_map, carry, evaluate, morph
-from unbend.errors import InputError, UnbendWarning
+from unbend.errors import InputError, unheard
 from unbend.io import MeshLike, invert_map
 from unbend.matching import Match
 from unbend.mesh import Mesh, edge_ends, vertex_areas
@@ -176,8 +175,7 @@ def _maps(match: Match | npt.ArrayLike) -> dict[str, _Map]:
 
 
 def _form(mesh: Mesh) -> FloatArray:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UnbendWarning)  # match has warned already
+    with unheard():  # match has warned already
         return canonical_form(mesh, component="largest").points
 
 
