@@ -2,6 +2,7 @@
 
 import ctypes
 import mmap
+import os
 import sys
 from types import SimpleNamespace
 
@@ -16,6 +17,7 @@ from unbend._memory import (
     available_memory,
     check_memory,
     needed_memory,
+    resident_memory,
 )
 from unbend.errors import InputError, MeshError
 from unbend.linalg.lanczos import working_columns
@@ -63,6 +65,12 @@ def test_the_compiler_counts_until_it_is_loaded(monkeypatch):
     check_memory("small", 1_500, 64)
     with pytest.raises(MeshError, match=r"medium: 2,500 vertices need about 0\.1 GiB"):
         check_memory("medium", 2_500, 64)
+
+
+def test_memory_of_processes_is_told_where_the_system_tells_it():
+    taken = resident_memory(os.getpid())
+    assert taken == 0 or 2**20 < taken < 2**40
+    assert resident_memory(None) == 0
 
 
 def test_free_memory_is_known_here():

@@ -35,11 +35,7 @@ def needed_memory(n_vertices: int, columns: int = 0) -> int:
 
 
 def available_memory() -> int | None:
-    """Count the bytes that this process may still take, or None where that cannot be known.
-
-    The user's word counts alone, where there is one; else the least of what the machine has left
-    and of what each control group above this process allows.
-    """
+    """Count the bytes that this process may still take, or None where that cannot be known."""
     limit = _user_limit()
     if limit is not None:
         return limit
@@ -96,11 +92,16 @@ def _user_limit(proc: Path = Path("/proc")) -> int | None:
         raise InputError(
             f"the memory limit {LIMIT_VARIABLE} must be a number of GiB above 0, not {text!r}"
         )
+    return max(limit - resident_memory("self", proc), 0)
+
+
+def resident_memory(process: str | int | None, proc: Path = Path("/proc")) -> int:
+    """Memory that a process takes, in bytes; 0 where the system does not tell."""
     try:
-        pages = int((proc / "self" / "statm").read_text("utf-8").split()[1])
-    except (OSError, ValueError, IndexError):  # other systems do not tell what is taken already
-        return limit
-    return max(limit - pages * os.sysconf("SC_PAGE_SIZE"), 0)
+        pages = int((proc / str(process) / "statm").read_text("utf-8").split()[1])
+    except (OSError, ValueError, IndexError):
+        return 0
+    return pages * os.sysconf("SC_PAGE_SIZE")
 
 
 class _WindowsMemory(ctypes.Structure):

@@ -10,10 +10,9 @@ import threading
 import time
 import warnings
 from multiprocessing.connection import Connection
-from pathlib import Path
 from typing import Any
 
-from unbend._memory import LIMIT_VARIABLE
+from unbend._memory import LIMIT_VARIABLE, resident_memory
 from unbend._types import Progress
 from unbend.errors import UnbendError, heard
 
@@ -42,7 +41,7 @@ class Worker:
         try:
             pipe.send_bytes(json.dumps(job).encode())
             while True:
-                if _resident(process.pid) > self._memory:
+                if resident_memory(process.pid) > self._memory:
                     trouble = "this needs more memory than there is: reduce the shape first"
                     process.kill()
                 if not pipe.poll(_SECONDS_BETWEEN_CHECKS):
@@ -81,15 +80,6 @@ class Worker:
     def _end(self) -> None:
         self._process.kill()
         self._process.join()
-
-
-def _resident(pid: int | None) -> int:
-    """Memory that a process takes, in bytes; 0 where the system does not tell."""
-    try:
-        pages = int(Path(f"/proc/{pid}/statm").read_text("utf-8").split()[1])
-    except (OSError, ValueError, IndexError):
-        return 0
-    return pages * os.sysconf("SC_PAGE_SIZE")
 
 
 def _work(pipe: Connection, memory: int) -> None:
