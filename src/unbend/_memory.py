@@ -35,7 +35,11 @@ def needed_memory(n_vertices: int, columns: int = 0) -> int:
 
 
 def available_memory() -> int | None:
-    """Count the bytes that this process may still take, or None where that cannot be known."""
+    """Count the bytes that this process may still take, or None where that cannot be known.
+
+    The user's word counts alone, where there is one; else the least of what the machine has left
+    and of what each control group above this process allows.
+    """
     limit = _user_limit()
     if limit is not None:
         return limit

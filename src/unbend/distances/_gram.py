@@ -6,6 +6,7 @@ Over the non-constant eigenpairs, ``g = sum_i h(lambda_i) phi_i phi_i^T``, with 
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -91,8 +92,7 @@ def gram_metric(
         once = green(block)
         return green((once.T * areas).T) if biharmonic else once
 
-    def gram(block: FloatArray) -> FloatArray:
-        return by_columns(product, block)
+    gram = functools.partial(by_columns, product)
 
     def between(samples: IntArray) -> FloatArray:
         n = len(areas)

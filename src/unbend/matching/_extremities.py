@@ -164,7 +164,9 @@ def _assignments(
     partners = np.empty((1, 0), dtype=np.int64)
     for extremity in range(n):
         others = [extremity] if extremity in fixed else [*range(len(many)), -1]
-        partners = _with_another(partners, others)
+        rows, last = np.repeat(partners, len(others), axis=0), np.tile(others, len(partners))
+        free = (last < 0) | (rows != last[:, None]).all(axis=1)
+        partners = np.hstack([rows[free], last[free, None]])
         partners = partners[(partners < 0).sum(axis=1) <= n - _FEWEST]
         costs = _costs(few, many, partners, deviation)
         best = np.argsort(snap(costs), kind="stable")[: _WIDTH if extremity < n - 1 else count]
@@ -176,13 +178,6 @@ def _assignments(
         ratios = many[other[i], other[j]] / few[mine[i], mine[j]]
         guesses.append((mine, other, float(np.exp(np.median(np.log(ratios))))))
     return guesses
-
-
-def _with_another(partners: IntArray, others: list[int]) -> IntArray:
-    """Rows with every one of the others, that they do not have already, at the end; (r, t + 1)."""
-    rows, last = np.repeat(partners, len(others), axis=0), np.tile(others, len(partners))
-    free = (last < 0) | (rows != last[:, None]).all(axis=1)
-    return np.hstack([rows[free], last[free, None]])
 
 
 def _costs(

@@ -145,7 +145,9 @@ def _at_least(surface: Surface, k: int, tolerance: float) -> tuple[FloatArray, F
     """Eigenpairs that are the same whatever the cache holds: one of a few numbers is computed."""
     operator, wanted = surface.operator, k
     while True:
-        count = _number_to_compute(wanted, surface.n_vertices)
+        # One more at least: the last one shows whether those before it are whole eigenspaces.
+        count = next((few for few in (5, 11) if few > wanted), -(-wanted // 10) * 10 + 1)
+        count = min(count, surface.n_vertices)
         key = cache_key(surface.mesh, _VERSION, operator.kind, surface.area_kind, tolerance, count)
         found = load_eigenpairs(key)
         if found is None or _lacking(operator, *found, tolerance):
@@ -156,11 +158,6 @@ def _at_least(surface: Surface, k: int, tolerance: float) -> tuple[FloatArray, F
         if len(found[0]) >= k:
             return found
         wanted = count * 3 // 2
-
-
-def _number_to_compute(k: int, n: int) -> int:
-    """More than `k`, for the last one shows whether those before it are whole eigenspaces."""
-    return min(n, next((few for few in (5, 11) if few > k), -(-k // 10) * 10 + 1))
 
 
 @one_blas_thread()  # so that pairs are the same for any number

@@ -58,8 +58,6 @@ def make_surface(
     operator = operator_of(prepared.mesh, prepared.kept_faces, kind, area_kind)
     area = float(operator.areas.sum())
     name = prepared.mesh.name
-    if not 0 < area < np.inf:
-        raise MeshError(f"{name}: its area is {area:g}; give coordinates in a sensible unit")
     # The cotangent Laplacian joins what the faces join; others look further or less far.
     look = connected and operator.kind != "cotangent"
     pieces = csgraph.connected_components(operator.stiffness, directed=False)[0] if look else 1

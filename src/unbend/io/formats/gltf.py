@@ -40,8 +40,10 @@ def write(
     held = np.asarray((np.abs(vertices) <= np.finfo(np.float32).max).all(axis=1))
     columns = {"POSITION": np.where(held[:, None], vertices, 0.0).astype("<f4")}
     if colors is not None:
+        shares = colors / 255  # as screens take them; amounts of light by IEC 61966-2-1
+        light = np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)
         # Bytes are too coarse for dark colours, and MeshLab misreads the shorts between.
-        columns["COLOR_0"] = _linear(colors / 255).astype("<f4")
+        columns["COLOR_0"] = light.astype("<f4")
     if uvs is not None:
         columns["TEXCOORD_0"] = np.column_stack([uvs[:, 0], 1 - uvs[:, 1]]).astype("<f4")
     accessors: list[dict[str, Any]] = []
@@ -96,11 +98,6 @@ def _beginning(document: dict[str, Any], more: int) -> bytes:
     text += b" " * (-len(text) % 4)
     size = 20 + len(text) + more
     return struct.pack("<4sIII4s", b"glTF", 2, size, len(text), b"JSON") + text
-
-
-def _linear(shares: FloatArray) -> FloatArray:
-    """Turn colours as screens take them, 0 to 1, into amounts of light (IEC 61966-2-1)."""
-    return np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)
 
 
 def readable(suffix: str, data: bytes) -> tuple[bytes, list[str]]:
