@@ -70,6 +70,7 @@ sphinx_gallery_conf = {
 }
 
 highlight_language = "none"
+smartquotes_action = "qe"  # no dashes: --out is an option
 
 html_theme = "pydata_sphinx_theme"
 html_title = "unbend"
