@@ -14,11 +14,12 @@ from unbend.cli import app as command_line
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
-# What the reference is ordered by; whatever is missing here comes last.
+# What the reference is ordered by.
 SUBJECTS = {
-    "One shape": ("check", "canonical", "distance"),
-    "Two shapes": ("match", "evaluate", "transfer", "register", "similarity"),
+    "One shape": ("check", "canonical", "distance", "symmetry"),
+    "Two shapes": ("match", "evaluate", "transfer", "register", "morph", "similarity"),
     "Many shapes": ("collection",),
+    "In a browser": ("view", "app"),
     "The rest": ("demo", "cache"),
 }
 
@@ -63,7 +64,6 @@ def page_of(name: str, command: Any) -> str:
 def index_page() -> str:
     """Write the page that leads to all others."""
     top = {name.split()[-1]: one for name, one in all_commands() if name.count(" ") == 1}
-    left = [word for word in top if not any(word in words for words in SUBJECTS.values())]
     parts = [
         "# Commands",
         "The commands cover the main functions; [Python](../api/index) has more of them, and more "
@@ -72,13 +72,12 @@ def index_page() -> str:
         "code 2, and no file is left half-written. `unbend COMMAND --help` prints the same text as "
         "these pages.",
     ]
-    for subject, words in (*SUBJECTS.items(), *([("More", tuple(left))] if left else [])):
+    for subject, words in SUBJECTS.items():
         rows = [(f"[unbend {word}]({_file(f'unbend {word}')})", _first(top[word].help))
                 for word in words]  # fmt: skip
         parts += [f"## {subject}", _table("command", "what it does", rows)]
     tree = "\n".join(_file(f"unbend {word}") for words in SUBJECTS.values() for word in words)
-    more = "\n".join(_file(f"unbend {word}") for word in left)
-    return "\n\n".join([*parts, f"```{{toctree}}\n:hidden:\n{tree}\n{more}\n```"]) + "\n"
+    return "\n\n".join([*parts, f"```{{toctree}}\n:hidden:\n{tree}\n```"]) + "\n"
 
 
 def write_pages(folder: Path) -> None:
