@@ -1,4 +1,4 @@
-"""Pose-free canonical forms of deformable 3-D shapes.
+"""Match and compare deformable 3-D shapes in any pose.
 
 The names in ``__all__`` are what most people need. Everything else that is public lives in the
 folders: ``unbend.collection``, ``unbend.report``, ``unbend.datasets`` and so on. All are loaded on

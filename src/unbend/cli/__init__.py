@@ -86,7 +86,7 @@ class _Group(TyperGroup):
 
 
 app = make_group(
-    "Pose-free canonical forms of deformable 3-D shapes.",
+    "Match and compare deformable 3-D shapes in any pose.",
     check.check,
     canonical.canonical,
     distance.distance,
