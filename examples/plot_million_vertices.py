@@ -41,5 +41,7 @@ for _ in range(3):
 # %%
 fig, ax = plt.subplots(figsize=(5, 3.4), layout="constrained")
 ax.loglog(sizes, seconds, "o-")
+ax.set_xticks(sizes, [f"{one:,}" for one in sizes])
+ax.tick_params(axis="x", which="minor", labelbottom=False)
 ax.set(xlabel="vertices", ylabel="seconds of processor time")
 ax.grid(which="both", alpha=0.3)
