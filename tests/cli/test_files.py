@@ -154,6 +154,10 @@ def test_landmarks_are_carried_and_lead_a_match(folder: Path) -> None:
     assert json.loads(done.stdout)["kind"] == "landmarks"
     labels, vertices = read_markups("b.mrk.json", TARGET)
     assert (labels, vertices.tolist()) == (["nose", "tail", "paw"], [3, 500, 77])
+    for more in (["--kind", "label"], ["--property", "heat"]):
+        done = CliRunner().invoke(app, [*given, "--map", "map.npy", *more])
+        assert done.exit_code == 2
+        assert "landmarks have no --kind or --property" in done.stderr
     np.savetxt("points.csv", SOURCE.vertices[[3, 500]], delimiter=",")
     right(
         "transfer", "a.ply", "b.ply", "--values", "points.csv", "-o", "c.json", "--map", "map.npy"

@@ -423,6 +423,7 @@ def test_similarity_of_shapes_meshed_apart(folder: Path, tmp_path: Path) -> None
             "--min-confidence 0.5",
             "--min-confidence needs a .npz match, and b.vts is none",
         ),
+        ("register a.ply b.ply -o out.ply --base 1", "--base is for --map"),
         ("register a.ply b.ply -o out.ply --save-match map.ply", 'unknown suffix ".ply"'),
         ("match a.ply b.ply --min-confidence 0.5 --landmarks none.csv", "there is no such file"),
         ("transfer a.ply b.ply --values b.vts -o out.csv", 'unknown suffix ".vts"'),

@@ -167,6 +167,8 @@ def read_or_match(shapes: Sequence[unbend.Mesh], given: MatchOptions) -> unbend.
     """Read the map from one shape to another, or match them; exit if the match is too unsure."""
     source, target = shapes
     if given.map is None:
+        if given.base is not None:
+            raise InputError("--base is for --map; leave it out, or add the map")
         options: Any = {"partial": given.partial, "barycentric": True}
         options["landmarks"] = landmarks_of(given.landmarks, shapes)
         found = unbend.match(source, target, **options, progress=output.progress)

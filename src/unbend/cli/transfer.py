@@ -58,6 +58,8 @@ def transfer(
     shapes = a, b = read_shapes((source, target))
     chosen: Any = "landmarks"
     if is_markup:
+        if kind != "auto" or property_name is not None:
+            raise InputError("landmarks have no --kind or --property; leave them out")
         labels, array = io.read_markups(values, a)
     else:
         array, names = io.read_named_values(values, n_vertices=a.n_vertices, name=property_name)
