@@ -13,6 +13,7 @@ from stones import write_stones
 from unbend import read_match
 from unbend.cli import app
 from unbend.collection import Collection
+from unbend.datasets import make_sphere
 
 
 def run(*arguments: object) -> Any:
@@ -210,6 +211,16 @@ def test_export_and_remove(folder: Path, tmp_path: Path) -> None:
     assert done.stdout.startswith("wrote 4 rows to all.parquet, one for each file\n")
     told = json_of("remove", tmp_path / "store", "stones/stone00.ply")
     assert (len(told["removed"]), told["n_shapes"]) == (1, 0)
+
+
+def test_a_point_cloud_has_no_thumbnail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    np.savetxt("cloud.xyz", make_sphere(2).vertices)
+    Collection("clouds").add("cloud.xyz", workers=0)
+    done = run("info", "clouds", "cloud.xyz", "--thumbnail", "cloud.png")
+    assert done.exit_code == 2
+    assert done.stderr == "error: cloud.xyz is a point cloud, of which no picture is kept\n"
+    assert not Path("cloud.png").exists()
 
 
 @pytest.mark.parametrize(

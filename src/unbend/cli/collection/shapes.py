@@ -103,8 +103,11 @@ def info(
         return
     (entry,) = collection.find([shape])
     if thumbnail is not None:
+        picture = collection.thumbnail(entry.id)
+        if not picture:
+            raise InputError(f"{shape} is a point cloud, of which no picture is kept")
         with unbend.io.atomic_write(thumbnail) as file:
-            file.write(collection.thumbnail(entry.id))
+            file.write(picture)
     lines = {
         "id": entry.id,
         "path": entry.path,
