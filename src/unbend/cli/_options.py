@@ -111,6 +111,7 @@ HELP = {
     "landmarks": "Landmarks: a .csv file, on each line a source vertex and a target vertex, "
     "counted from 0, or the other way round below the names target,source; or, given twice, a "
     "file of points for each shape: .mrk.json or .fcsv of 3D Slicer, or a table of x,y,z.",
+    "property_name": "Which values of a mesh file: a property of its vertices.",
     "save_match": "Keep the match that was made, as unbend match -o does.",
     "min_confidence": "If the match's confidence is below X, write no file and exit with code 3.",
     "workers": "Local processes; by default as many as there are processors and memory for. 0: "
@@ -130,6 +131,7 @@ Scheduler = Annotated[str | None, typer.Option(metavar="tcp://HOST:PORT")]
 MapOut = Annotated[str | None, out("MAP")]
 Base = Annotated[int | None, typer.Option(metavar="0|1")]
 Landmarks = Annotated[list[str] | None, typer.Option(metavar="FILE")]
+Property = Annotated[str | None, typer.Option("--property", metavar="NAME")]
 MinConfidence = Annotated[float | None, typer.Option(metavar="X", min=0, max=1)]
 
 

@@ -20,7 +20,7 @@ def transfer(
     values: Annotated[str, typer.Option(metavar="FILE")],
     out: Annotated[str, options.out()],
     kind: ValueKind = "auto",
-    property_name: Annotated[str | None, typer.Option("--property", metavar="NAME")] = None,
+    property_name: options.Property = None,
     expected_error: Annotated[str | None, typer.Option(metavar="FILE")] = None,
     *,
     matching: options.MatchOptions,

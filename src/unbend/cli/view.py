@@ -23,6 +23,7 @@ def view(
     page: Annotated[str | None, options.out("HTML")] = None,
     landmarks: options.Landmarks = None,
     values: Annotated[str | None, typer.Option(metavar="FILE")] = None,
+    property_name: options.Property = None,
     show: Annotated[bool, typer.Option("--open/--no-open")] = True,
     up: Axis = "y",
 ) -> None:
@@ -34,7 +35,7 @@ def view(
 
       other: A second mesh, for pairs of landmarks.
       page: The page to write, .html; by default a temporary file.
-      values: Numbers per vertex of the first mesh.
+      values: Numbers per vertex of the first mesh (.npy, .csv, .txt), or a mesh with them.
       show: Open the page in a browser.
 
     $ unbend view cat.off
@@ -44,11 +45,14 @@ def view(
     """
     if page is None and not show:
         raise InputError("--no-open needs -o: name the page to write")
+    if property_name is not None and values is None:
+        raise InputError("--property is for --values; leave it out, or add the file")
     shapes = read_shapes([path for path in (mesh, other) if path is not None])
     hints = _landmarks(landmarks, shapes) if landmarks else None
     scalars = None
     if values is not None:
-        scalars = unbend.io.read_values(values, n_vertices=shapes[0].n_vertices)
+        n = shapes[0].n_vertices
+        scalars = unbend.io.read_values(values, n_vertices=n, name=property_name)
     progress("drawing", 0)
     second = shapes[1] if len(shapes) > 1 else None
     made = unbend.report.view(shapes[0], second, hints, values=scalars, up=up)

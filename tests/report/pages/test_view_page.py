@@ -101,6 +101,12 @@ def test_the_command_writes_and_opens_a_page(
     assert '"landmarks": [{"name": "1", "at": [3, 4]}]' in html
     assert "values from 0 to 641" in html
     assert not opened
+    write_mesh("two.ply", blob, scalars={"heat": np.arange(642.0), "cold": np.arange(3.0, 645)})
+    line = ["view", "a.ply", "--values", "two.ply", "-o", "page.html", "--no-open"]
+    assert run(app, [*line, "--property", "cold"]).exit_code == 0
+    assert "values from 3 to 644" in Path("page.html").read_text("utf-8")
+    assert "name one of them with --property" in run(app, line).output
+    assert run(app, ["view", "a.ply", "--property", "cold"]).exit_code == 2
     assert run(app, ["view", "a.ply", "-o", "one.html"]).exit_code == 0
     assert opened == [Path("one.html").resolve().as_uri()]
     write_markups("nose.mrk.json", blob, [7], ["nose"])
