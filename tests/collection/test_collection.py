@@ -20,7 +20,7 @@ from stones import BALL, rows_of, write_stones
 from unbend import Mesh, read_mesh, write_mesh
 from unbend.collection import Collection, Failure, Hit, _collection, _ranking, _store, descriptor
 from unbend.collection._engine import Outcome
-from unbend.errors import FileError, InputError, MeshError, MissingExtraError
+from unbend.errors import FileError, InputError, MeshError, MissingExtraError, UnbendWarning
 
 
 def assert_same_rows(one: Collection, other: Collection) -> None:
@@ -156,6 +156,10 @@ def test_matches_rank_again_and_what_cannot_be_matched_comes_last(
     assert ("matching 2 of 3", 1 / 3) in told
     assert {Path(hit.path).stem for hit in hits[:2]} == {"stone07", "with_dust"}
     np.testing.assert_allclose([hit.reranked for hit in hits], [0, 0, np.inf], atol=0.01)
+    strip = tmp_path / "strip.ply"
+    with pytest.warns(UnbendWarning, match="none could be matched, .* descriptors: strip.ply"):
+        again = collection.search(strip, rerank="match")
+    assert [hit.id for hit in again] == [hit.id for hit in collection.search(strip)]
 
 
 def test_matches_rank_by_their_best_energy_then_by_distance(

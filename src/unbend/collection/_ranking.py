@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -32,7 +31,8 @@ def rank_by_match(
     query: Mesh, hits: Sequence[Hit], store: str, progress: Progress | None
 ) -> list[Hit]:
     """Rank by the energy of each match; shapes that cannot be matched or read come last."""
-    energies = []
+    energies: list[float] = []
+    reason = None
     for i, hit in enumerate(hits):
         if progress is not None:
             progress(f"matching {i + 1} of {len(hits)}", i / len(hits))
@@ -42,8 +42,13 @@ def rank_by_match(
         except FileError as error:
             warn(f"{error}; until then it comes last")
             continue
-        with unheard(), suppress(UnbendError):
-            energies[-1] = match(query, read_mesh(path)).hypotheses[0].energy
+        try:
+            with unheard():
+                energies[-1] = match(query, read_mesh(path)).hypotheses[0].energy
+        except UnbendError as error:
+            reason = error
+    if reason is not None and min(energies) == math.inf:
+        warn(f"none could be matched, so they stay in the order of their descriptors: {reason}")
     return _ranked(hits, energies)
 
 
