@@ -1,6 +1,7 @@
 """What a file holds is not lost in silence: textures, values, landmarks; maps know their meshes."""
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +56,24 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     write_map(tmp_path / "map.npy", SAME)
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "match a.ply b.ply --no-refine -o out.npz --figure out.png",
+        "distance a.ply --from 0 -o out.csv --figure out.png",
+    ],
+)
+def test_without_matplotlib_nothing_is_computed_or_written(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, line: str
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    before = sorted(folder.iterdir())
+    done = CliRunner().invoke(app, line.split())
+    assert done.exit_code == 2
+    assert done.stderr == "error: matplotlib is needed for this: pip install matplotlib\n"
+    assert sorted(folder.iterdir()) == before
 
 
 def test_a_registered_obj_keeps_its_lines(folder: Path) -> None:

@@ -34,7 +34,10 @@ def written() -> dict[str, tuple[str, ...]]:
 
 
 def check_files(given: Mapping[str, Any]) -> None:
-    """Refuse files that cannot be written, one for two results, and to write over what is read."""
+    """Refuse files that cannot be written, one for two results, and to write over what is read.
+
+    That matplotlib is missing is told here too: a result may take minutes, its picture comes last.
+    """
     suffixes = written()
     claimed: dict[str, str] = {}
     read = []
@@ -48,6 +51,8 @@ def check_files(given: Mapping[str, Any]) -> None:
                 if (place := os.path.realpath(path)) in claimed:
                     raise InputError(f"two results cannot be written to one file: {path}")
                 claimed[place] = path
+                if name in ("picture", "figure"):
+                    unbend.report.new_figure(1, 1)
     keep_inputs(claimed.values(), read)
 
 
