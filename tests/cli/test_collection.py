@@ -14,6 +14,7 @@ from unbend import read_match
 from unbend.cli import app
 from unbend.collection import Collection
 from unbend.datasets import make_sphere
+from unbend.errors import InputError
 
 
 def run(*arguments: object) -> Any:
@@ -211,6 +212,41 @@ def test_export_and_remove(folder: Path, tmp_path: Path) -> None:
     assert done.stdout.startswith("wrote 4 rows to all.parquet, one for each file\n")
     told = json_of("remove", tmp_path / "store", "stones/stone00.ply")
     assert (len(told["removed"]), told["n_shapes"]) == (1, 0)
+
+
+def test_a_page_or_figure_that_is_refused_leaves_no_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Collection("one").add(write_stones(tmp_path / "stones", 1), workers=0)
+    before = sorted(tmp_path.iterdir())
+    for line in (
+        "matrix one --csv out.csv --figure out.png",
+        "matrix one --csv out.csv --report out.html",
+        "groups one --csv out.csv --report out.html",
+    ):
+        done = run(*line.split())
+        assert done.exit_code == 2
+        assert done.stderr == "error: a table of shapes needs two or more, not 1\n"
+        assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_page_of_too_many_shapes_is_refused_before_they_are_compared(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    counts: list[int] = []
+
+    def refuse(count: int) -> None:
+        counts.append(count)
+        raise InputError("too many")
+
+    monkeypatch.setattr("unbend.report.check_count", refuse)
+    monkeypatch.setattr(Collection, "search", None)
+    done = run("search", "shapes", "stones/stone00.ply", "-n", 900, "--report", "out.html")
+    assert (done.stderr, counts) == ("error: too many\n", [5])
+    line = ["similarity", *["none.ply"] * 3, "--report", "out.html"]
+    done = CliRunner().invoke(app, line)
+    assert (done.stderr, counts) == ("error: too many\n", [5, 3])
 
 
 def test_a_point_cloud_has_no_thumbnail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

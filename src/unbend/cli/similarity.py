@@ -54,6 +54,8 @@ def similarity(
     if figure is not None and not matrix:
         raise InputError("a heat map shows all pairs; add --matrix to --figure")
     paths = [model, *probes]
+    if report is not None:
+        unbend.report.check_count(len(paths))
     shapes = read_shapes(paths, component)
     for shape in shapes[1:]:
         if known and shape.n_vertices != shapes[0].n_vertices:

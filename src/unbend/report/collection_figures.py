@@ -100,10 +100,10 @@ def _draw_table(names: Sequence[str], values: npt.ArrayLike, path: StrPath, *, a
 def checked_table(values: npt.ArrayLike, n: int) -> FloatArray:
     """Turn what n shapes are to each other into an array; InputError if that is no such table."""
     table = numbers_of(values, "values")
-    if n < 2 or table.shape != (n, n):
-        raise InputError(
-            f"{n} shapes need values of shape ({n}, {n}), not {table.shape}, of two or more"
-        )
+    if n < 2:
+        raise InputError(f"a table of shapes needs two or more, not {n}")
+    if table.shape != (n, n):
+        raise InputError(f"{n} shapes need values of shape ({n}, {n}), not {table.shape}")
     wrong = np.isinf(table).any() or (table < 0).any()
     if wrong or not np.allclose(table, table.T, equal_nan=True):
         raise InputError("values must be symmetric, finite and not negative, or NaN where unknown")

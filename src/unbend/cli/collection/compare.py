@@ -43,6 +43,8 @@ def search(
     $ unbend collection search shapes dog.ply -n 20 --report found.html
     """
     collection = opened(store, report)
+    if report is not None:
+        unbend.report.check_count(min(n, len(collection)) + 1)
     hits = collection.search(query, n, rerank=rerank, index=index, progress=progress)
     if report is not None:
         ranked = [hit.distance if hit.reranked is None else hit.reranked for hit in hits]
@@ -78,14 +80,15 @@ def matrix(
     """
     entries, distances = opened(store, csv, figure, report).distances()
     paths = [entry.path for entry in entries]
-    if csv is not None:
-        rows = ([path, *row] for path, row in zip(paths, distances.tolist(), strict=True))
-        unbend.io.write_table(csv, [["path", *paths], *rows])
-    if figure is not None:
-        unbend.report.draw_distances(_labels(paths), distances, figure)
+    # What may be refused comes first, so that no table is left of a command that failed.
     if report is not None:
         looks: Any = {"measure": "distance", "up": up, "command": command_line()}
         unbend.report.similarity_page(read_shown(entries, store), distances, report, **looks)
+    if figure is not None:
+        unbend.report.draw_distances(_labels(paths), distances, figure)
+    if csv is not None:
+        rows = ([path, *row] for path, row in zip(paths, distances.tolist(), strict=True))
+        unbend.io.write_table(csv, [["path", *paths], *rows])
     if len(entries) <= _MOST_PRINTED:
         lines = output.matrix([shown_shape(entry) for entry in entries], distances)
     else:
@@ -133,13 +136,13 @@ def groups(
     for entry, number in zip(entries, numbers, strict=True):
         members[number].append(entry)
     paths = [[path for one in some for path in (one.path, *one.also)] for some in members]
-    if csv is not None:
-        pairs = sorted((path, number) for number, some in enumerate(paths) for path in some)
-        unbend.io.write_table(csv, [("path", "group"), *pairs])
-    if report is not None:
+    if report is not None:  # it may be refused: before the table
         looks: Any = {"measure": "distance", "up": up, "command": command_line()}
         looks["groups"] = numbers
         unbend.report.similarity_page(read_shown(entries, store), distances, report, **looks)
+    if csv is not None:
+        pairs = sorted((path, number) for number, some in enumerate(paths) for path in some)
+        unbend.io.write_table(csv, [("path", "group"), *pairs])
     lines = []
     for number, some in enumerate(members):
         lines += [f"group {number}: {len(some):,}", *(f"  {shown_shape(one)}" for one in some)]
