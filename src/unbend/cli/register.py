@@ -65,6 +65,7 @@ def register(
     options.keep_inputs([out], paths)
     unbend.io.check_writable(out, (".ply", ".obj", ".glb", ".vtp", ".off", ".stl"))
     shapes = read_shapes((template, paths[0]), component)
+    unbend.correspondence.check_template(shapes[0])
     match = read_or_match(shapes, matching)
     found = unbend.register(shapes[0], shapes[1], match, progress=output.progress)
     output.progress("writing", 0)

@@ -33,7 +33,7 @@ from unbend.collection._files import (
 )
 from unbend.collection._rows import Entry, Failure, Registered, RegisteredShape
 from unbend.collection._store import Store, check_outside
-from unbend.correspondence import Registration, register, write_registration
+from unbend.correspondence import Registration, check_template, register, write_registration
 from unbend.errors import FileError, InputError, file_errors, heard, warn
 from unbend.io import atomic_write, moved_obj, read_bytes, read_mesh, read_table, write_table
 from unbend.matching import landmark_pairs, match, prepare_spectrum
@@ -131,8 +131,7 @@ def _register(
 ) -> Registered:
     start, began = time.monotonic(), time.time()
     mesh = read_mesh(template)
-    if mesh.is_point_cloud:
-        raise InputError(f"{mesh.name}: a template needs faces, and this is a point cloud")
+    check_template(mesh)
     prepare_spectrum(mesh)  # before anything is written: the template may be unusable
     folder = make_folder(out).absolute()  # workers elsewhere have another current folder
     original = Path(template).absolute()

@@ -125,8 +125,7 @@ def register(
     (Mesh(642 vertices, 1280 faces), 1.0)
     """
     template, scan = as_mesh(template), as_mesh(scan)
-    if template.is_point_cloud:
-        raise InputError(f"{template.name}: a template needs faces, and this is a point cloud")
+    check_template(template)
     if match is None:
         scan = surface_of_points(scan).mesh if scan.is_point_cloud else scan
         match = find_match(template, scan, barycentric=True, progress=progress)
@@ -183,6 +182,12 @@ def register(
         tolerance=tolerance * size,
         confidence=match.confidence if isinstance(match, Match) else float("nan"),
     )
+
+
+def check_template(template: Mesh) -> None:
+    """Raise InputError if a template is a point cloud, before it is matched."""
+    if template.is_point_cloud:
+        raise InputError(f"{template.name}: a template needs faces, and this is a point cloud")
 
 
 def write_registration(
