@@ -265,7 +265,10 @@ def test_columns_keep_their_names_where_a_file_can_have_them(blob: Mesh, tmp_pat
     write_values(tmp_path / "a.ply", values, blob, kind="weights", names=names)
     assert read_named_values(tmp_path / "a.ply", name="_2nd")[1] == ["_2nd"]
     assert read_named_values(tmp_path / "a.ply", name="left_arm")[1] == ["left_arm"]
-    for unfit in (["x", "y"], ["one", "one"], ["one"], ["", "two"], []):
+    with pytest.raises(InputError, match="2 columns cannot have 1 name"):
+        write_values(tmp_path / "b.csv", values, blob, kind="weights", names=["one"])
+    assert not (tmp_path / "b.csv").exists()
+    for unfit in (["x", "y"], ["one", "one"], ["", "two"], []):
         write_values(tmp_path / "b.ply", values, blob, kind="weights", names=unfit)
         assert read_named_values(tmp_path / "b.ply")[1] == ["value_0", "value_1"]
     write_values(tmp_path / "b.ply", values[:, 0].astype(int), blob, kind="label", names=["part"])

@@ -199,7 +199,7 @@ def write_values(
     FileError
         If the file cannot be written.
     InputError
-        If the format cannot hold such values.
+        If the format cannot hold such values, or there are more or fewer names than columns.
 
     Examples
     --------
@@ -221,6 +221,10 @@ def write_values(
         raise InputError(f"values must have one row for each of {mesh.n_vertices} vertices")
     check_storable(path, array, kind)
     columns = array.reshape(len(array), -1)
+    if len(names) not in (0, columns.shape[1]):
+        raise InputError(
+            f"{plural(columns.shape[1], 'column')} cannot have {plural(len(names), 'name')}"
+        )
     names = _names(names, columns.shape[1], kind, suffix)
     rows = (columns.astype(np.int64) if columns.dtype == bool else columns).tolist()
     if suffix == ".npy":
