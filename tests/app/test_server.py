@@ -240,6 +240,15 @@ def test_without_a_collection_none_is_searched() -> None:
             check_request({"do": asked, "shapes": list(shapes)}, shapes, {}, {}, None)
 
 
+def test_values_that_are_gone_are_not_replaced_by_those_of_the_first_shape() -> None:
+    shapes = {1: {"state": "good"}, 2: {"state": "good"}}
+    results = {3: {"shapes": [1, 2], "map_file": "0.npz", "files": [{"name": "map.npz"}]}}
+    asked = {"do": "transfer", "result": 3}
+    assert check_request(asked, shapes, results, {}, None)["values"] is None
+    with pytest.raises(InputError, match="those values are not there any more"):
+        check_request(asked | {"values": 4}, shapes, results, {}, None)
+
+
 def test_jobs_wait_in_a_queue_and_are_cancelled(app, ply) -> None:
     i = put(app, "ball.ply", ply)
     app.wait(lambda s: not s["jobs"])

@@ -70,6 +70,8 @@ def check_request(
         job["landmarks"] = result["landmarks"]
     elif what == "transfer":
         job["values"] = values.get(_whole(asked.get("values")))
+        if job["values"] is None and asked.get("values") is not None:
+            raise InputError("those values are not there any more")
         job["column"] = str(asked.get("column", ""))[:_MOST_LETTERS] or None
     elif what == "morph":
         job["steps"] = min(max(_whole(asked.get("steps")), 1), _MOST_STEPS)
