@@ -249,10 +249,11 @@ def test_a_table_too_large_is_refused(filled: Collection, monkeypatch: pytest.Mo
 def test_shapes_are_found_by_path_or_id_and_removed(own: Collection) -> None:
     first, second, *_ = sorted(own, key=lambda entry: entry.path)
     assert own.find([first.path, second.id[:8]]) == [first, second]
+    assert own.find(first.path) == own.find(Path(first.path)) == [first]
     with pytest.raises(InputError, match="is not in the collection"):
         own.remove([first.id, "it's not there"])
     assert len(own) == 12
-    assert own.remove([first.id]) == [first]
+    assert own.remove(first.id) == [first]
     assert first.path not in {entry.path for entry in own}
     assert Path(first.path).exists()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -25,6 +25,12 @@ from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh, check_writable
 
 _LEAST_INDEXED = 10_000  # rows: with fewer an index finds nothing sooner
+
+
+def _listed(names: StrPath | Iterable[StrPath]) -> list[str]:
+    """Make a list of one name, or of several."""
+    several = [names] if isinstance(names, str | os.PathLike) else names
+    return [os.fspath(name) for name in several]
 
 
 class Collection:
@@ -131,9 +137,8 @@ class Collection:
             If the collection is of another version, or nobody answers at `scheduler`.
         """
         self._store.check_version()
-        given = [paths] if isinstance(paths, str | os.PathLike) else paths
         processes = engine(workers=workers, scheduler=scheduler)
-        return add_files(self._store, [os.fspath(one) for one in given], processes, progress)
+        return add_files(self._store, _listed(paths), processes, progress)
 
     def search(
         self,
@@ -220,7 +225,7 @@ class Collection:
         descriptors = np.array([rows[one.id] for one in entries])
         return entries, cdist(descriptors, descriptors)
 
-    def find(self, names: Sequence[StrPath]) -> list[Entry]:
+    def find(self, names: StrPath | Iterable[StrPath]) -> list[Entry]:
         """Entries of ids, beginnings of ids (8 digits or more), or paths, in their order.
 
         Raises
@@ -228,14 +233,14 @@ class Collection:
         InputError
             If one is not there, or may mean several.
         """
-        return self._store.find(names)
+        return self._store.find(_listed(names))
 
-    def remove(self, names: Sequence[StrPath]) -> list[Entry]:
+    def remove(self, names: StrPath | Iterable[StrPath]) -> list[Entry]:
         """Take shapes out of the collection; their files stay.
 
         Parameters
         ----------
-        names : sequence of str or path
+        names : str or path, or iterable of them
             See :meth:`find`. An id removes the shape with all its paths; a path removes that path
             alone, and the shape stays while it has others.
 
@@ -250,9 +255,9 @@ class Collection:
             If one is not there; then nothing is removed.
         """
         entries: dict[Entry, None] = {}  # each once
-        names = list(names)
+        names = _listed(names)
         for name, entry in zip(names, self._store.find(names), strict=True):
-            named = {entry.path, *entry.also} & {os.fspath(name), os.path.abspath(name)}
+            named = {entry.path, *entry.also} & {name, os.path.abspath(name)}
             entries[replace(entry, path=named.pop(), also=()) if named else entry] = None
         self._store.remove([path for one in entries for path in (one.path, *one.also)])
         return list(entries)
