@@ -197,7 +197,7 @@ def test_point_cloud_form_is_close_to_the_surface_s(blob):
             {"method": "sampled", "n_eigenpairs": 5, "n_components": 5},
             "must be a whole number from 1 to 4",
         ),
-        ({"distance": "geodesic"}, "no exact form; use sampled_canonical_form"),
+        ({"distance": "geodesic"}, "no exact form; use sampled_canonical_form$"),
         ({"weighting": "none"}, "weighting must be"),
         ({"distance": "euclid"}, "there is no distance 'euclid'"),
         ({"interpolation": "x", "method": "sampled"}, "interpolation must be"),

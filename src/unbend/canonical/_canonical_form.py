@@ -167,10 +167,7 @@ def canonical_form(
     ((162, 3), 'exact')
     """
     if distance in GEODESIC:
-        raise InputError(
-            f"the {distance} distance has no exact form; use sampled_canonical_form, or on the "
-            "command line --method sampled"
-        )
+        raise InputError(f"the {distance} distance has no exact form; use sampled_canonical_form")
     time = diffusion_time(distance, time)
     options = _Options("exact", distance, n_components, weighting, time, keep_scale, random_state)
     return _form(mesh, options, laplacian, component, progress)
