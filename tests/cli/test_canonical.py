@@ -159,6 +159,13 @@ def test_the_surface_in_the_forms_pose_is_written_in_the_forms_unit(
     np.testing.assert_allclose(np.load(out), lay_into_pose(blob, form) / unit, atol=1e-6)
 
 
+def test_the_surface_in_the_pose_of_a_form_of_more_dimensions_is_a_mesh(mesh, tmp_path):
+    posed = ["--detail", "preserved", "--n-components", "4"]
+    assert run(mesh, "-o", tmp_path / "posed.ply", *posed).exit_code == 0
+    assert run(tmp_path / "posed.ply", mesh, "-o", tmp_path / "all", *posed).exit_code == 0
+    assert {path.name for path in (tmp_path / "all").iterdir()} == {"blob.off", "posed.ply"}
+
+
 def test_many_meshes_get_a_folder_of_forms_and_a_bad_one_is_listed(blob, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scans").mkdir()

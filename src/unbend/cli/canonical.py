@@ -75,13 +75,13 @@ def canonical(
     if out is None and len(paths) > 1 and not os.path.exists(paths[-1]):
         raise InputError(f"cannot read {paths[-1]}: there is no such file; or was -o meant?")
     batch = is_batch(meshes, paths, out, {"figure": figure, "report": report})
-    files = []
+    files, n_written = [], n_components if detail is None else 3
     if out is not None:
-        files = _files_in(out, paths, n_components) if batch else [out]
+        files = _files_in(out, paths, n_written) if batch else [out]
     options.keep_inputs(files, paths)
     for file in files:
         suffix = unbend.io.check_writable(file, (*_MESH_SUFFIXES, ".npy", ".csv")).suffix.lower()
-        if suffix in _MESH_SUFFIXES and n_components != 3:
+        if suffix in _MESH_SUFFIXES and n_written != 3:
             raise InputError(
                 f"{suffix} files hold 3 dimensions, not {n_components}; write the form as .npy "
                 "or .csv"
@@ -140,12 +140,12 @@ def canonical(
     )
 
 
-def _files_in(folder: str, paths: Sequence[str], n_components: int) -> list[str]:
+def _files_in(folder: str, paths: Sequence[str], n_written: int) -> list[str]:
     """Make the folder; name a file in it after each mesh."""
     found: dict[str, str] = {}
     for path in paths:
         own = Path(path).suffix.lower()
-        suffix = ".npy" if n_components != 3 else own if own in _MESH_SUFFIXES else ".ply"
+        suffix = ".npy" if n_written != 3 else own if own in _MESH_SUFFIXES else ".ply"
         file = os.path.join(folder, Path(path).stem + suffix)
         if file in found:
             raise InputError(f"{found[file]} and {path} would both be written to {file}")
