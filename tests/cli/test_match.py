@@ -141,6 +141,19 @@ def test_match_of_a_part_with_hints_and_alternatives(tmp_path: Path) -> None:
     assert len(read_match(told["written"][1]).source_to_target) == 162
 
 
+def test_fewer_maps_than_asked_for_are_told(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = read_match(folder / "ab.npz")
+    found = replace(found, alternatives=(found,))
+    monkeypatch.setattr("unbend.match", lambda *shapes, **options: found)
+    given = ["match", folder / "a.ply", folder / "b.ply", "-o", tmp_path / "map.csv"]
+    done = right(*given, "--n-matches", 4)
+    assert "note: 2 distinct maps found, not 4\n" in done.stderr
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["map-2.csv", "map.csv"]
+    assert "distinct" not in right(*given, "--n-matches", 2).stderr
+
+
 def test_a_map_in_disorder_is_said_by_whatever_uses_it(folder: Path, tmp_path: Path) -> None:
     """Its confidence is bounded by what it shows; the terminal, JSON and files say so."""
     poor = replace(

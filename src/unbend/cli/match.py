@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 import unbend
-from unbend._text import quoted
+from unbend._text import plural, quoted
 from unbend.choices import Axis, Partial
 from unbend.cli import _input as inputs
 from unbend.cli import _options as options
@@ -47,7 +47,7 @@ def match(
     give the same map. With --min-confidence, a less confident match is printed but not written, and
     the exit code is 3.
 
-      n_matches: Write the N best distinct maps: MAP, MAP-2, MAP-3 ...
+      n_matches: Write the N best distinct maps, if there are so many: MAP, MAP-2, MAP-3 ...
       n_eigenpairs: Eigenfunctions of each shape.
       allow_mirror: Let the map turn the surface inside out, as from a left hand to a right one.
       refine: Refine the map on the full meshes.
@@ -95,9 +95,11 @@ def match(
         progress=output.progress,
     )
     seconds = output.elapsed()
+    if (count := 1 + len(found.alternatives)) < n_matches:
+        output.say("note", f"{plural(count, 'distinct map')} found, not {n_matches:,}")
     if unsure := inputs.is_unsure(found, min_confidence):
         map_out = figure = report = colored = None
-    maps = maps[: 1 + len(found.alternatives)] if map_out else []
+    maps = maps[:count] if map_out else []
     output.progress("writing", 0)
     next_step = "add -o MAP.npz to keep the match, --report HTML to look at it"
     if map_out is not None:
