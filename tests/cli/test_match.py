@@ -1,6 +1,7 @@
 """match, evaluate, transfer and similarity as commands: one story on two poses of a dog."""
 
 import json
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -111,6 +112,19 @@ def test_match_takes_a_component(tmp_path: Path) -> None:
         done = run(*paths, "--component", "2")
         assert done.exit_code == 2
         assert "there is no component 2" in done.stderr
+    # What the command suggests takes the map, whose places are on the faces of that component.
+    given = ["match", other, tmp_path / "two.ply", "--no-refine", "--component", "largest"]
+    done = right(*given, "-o", tmp_path / "map.npz")
+    np.save(tmp_path / "values.npy", np.arange(162) / 7)
+    said = done.stdout.splitlines()[-1].removeprefix("next: unbend ")
+    said = said.replace("VALUES", f"{tmp_path}/values").replace("OUT", f"{tmp_path}/out")
+    right(*shlex.split(said))
+    carried = np.load(tmp_path / "out.npy")
+    assert np.isnan(carried[:42]).all()
+    assert np.isfinite(carried[42:]).mean() > 0.9
+    refused = run(*shlex.split(said)[:-2])
+    assert refused.exit_code == 2
+    assert "choose the same component as then, or match again" in refused.stderr
 
 
 def test_match_of_a_part_with_hints_and_alternatives(tmp_path: Path) -> None:

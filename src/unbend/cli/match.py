@@ -107,6 +107,7 @@ def match(
             inputs.write_result(path, one, shapes)
         paths = f"{quoted(source, target)} --map {quoted(map_out)}"
         next_step = f"unbend transfer {paths} --values VALUES.npy -o OUT.npy"
+        next_step += f" --component {component}" if component is not None else ""
     if colored is not None:
         colors = unbend.report.match_colors(shapes[0], shapes[1], found)
         for i, original in enumerate((source, target)):

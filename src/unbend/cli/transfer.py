@@ -24,6 +24,7 @@ def transfer(
     expected_error: Annotated[str | None, typer.Option(metavar="FILE")] = None,
     *,
     matching: options.MatchOptions,
+    component: options.Component = None,
     cache: options.Cache = True,
 ) -> None:
     """Transfer values from source to target: numbers are averaged, labels by majority.
@@ -55,7 +56,7 @@ def transfer(
     # A table holds points if landmarks shall be written: values never are in .json files.
     is_markup = any(path.lower().endswith(io.MARKUP_SUFFIXES) for path in (values, out))
     io.check_writable(out, (".json",) if is_markup else io.VALUE_SUFFIXES + io.COLOR_SUFFIXES)
-    shapes = a, b = read_shapes((source, target))
+    shapes = a, b = read_shapes((source, target), component)
     chosen: Any = "landmarks"
     if is_markup:
         if kind != "auto" or property_name is not None:
@@ -84,7 +85,8 @@ def transfer(
     else:
         carried = unbend.transfer(array, found, kind=chosen, source=a, target=b)
         is_mesh = out.lower().endswith(io.COLOR_SUFFIXES)
-        like = output.lines_to_keep(out, target, whole=chosen != "uv") if is_mesh else None
+        whole = component is None and chosen != "uv"
+        like = output.lines_to_keep(out, target, whole=whole) if is_mesh else None
         io.write_values(out, carried, b, kind=chosen, names=names, like=like)
         filled = int((back >= 0).sum()) - len(np.unique(forward[forward >= 0]))
         if filled > 0 and not isinstance(found, unbend.Match):
