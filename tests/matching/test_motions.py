@@ -12,6 +12,7 @@ from unbend import Mesh
 from unbend.alignment import Motions, OrientedSurface, find_motions
 from unbend.datasets import make_quadruped
 from unbend.matching import _constants as constants
+from unbend.matching import _plan
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._registration import laid_maps, laid_starts
 from unbend.matching._shape import Shape, make_proxy
@@ -90,6 +91,25 @@ def test_two_parts_that_share_little_are_laid_where_they_are_the_same() -> None:
     front, back = _front(0.3).mesh, cut(BODY, -middle, 0.3).mesh
     motions = _found(_shape(front), _shape(_moved(back)), 8)
     assert _angle(motions.rotations[:4]).min() < 25
+
+
+def test_motions_lay_given_points_onto_each_other(sides: tuple[Shape, Shape]) -> None:
+    source, target = map(_oriented, sides)
+    pairs = source.samples[20:23], target.samples[40:43]
+    motions = find_motions(source, target, SIZES, 5, constants.LIMB, pairs)
+    there = motions.moved(source.points[pairs[0]])
+    off = np.linalg.norm(there - target.points[pairs[1]], axis=2)
+    np.testing.assert_allclose(off.min(axis=1), 0, atol=1e-12)
+
+
+def test_landmarks_add_motions_and_take_none_away(sides: tuple[Shape, Shape]) -> None:
+    places = [one.vertices for one in sides]
+    _, motions = _plan._motions(sides, places, 6)
+    marked = replace(sides[0], landmarks=np.array([3])), replace(sides[1], landmarks=np.array([9]))
+    more_maps, more = _plan._motions(marked, places, 6)
+    assert len(more_maps) == len(more.sizes) > 6
+    for few, many in zip(motions, more, strict=True):
+        np.testing.assert_array_equal(many[:6], few)
 
 
 def test_motions_differ(sides: tuple[Shape, Shape]) -> None:

@@ -66,13 +66,18 @@ def find_motions(
     sizes: Sequence[float],
     count: int,
     reach: float,
+    pairs: tuple[IntArray, IntArray] | None = None,
 ) -> Motions:
     """Find at most so many motions that differ, the best first.
 
     ``sizes`` are tried: how much longer the same is on the target. What is farther off than
-    ``reach`` is not near.
+    ``reach`` is not near. Without pairs of points, which are laid onto each other, every one of
+    some samples is laid onto every one.
     """
-    motions = _motions_to_try(source, target, sizes)
+    if pairs is None:
+        ours, theirs = source.samples[: _POINTS[0]], target.samples[: _POINTS[1]]
+        pairs = np.repeat(ours, len(theirs)), np.tile(theirs, len(ours))
+    motions = _motions_to_try(source, target, pairs, sizes)
     laid = _share_laid(source, target, motions, reach)
     laid += _share_laid(target, source, motions.inverse(), reach)
     motions = motions.taken(np.argsort(-snap(laid), kind="stable")[:_COMPARED])
@@ -87,16 +92,19 @@ def find_motions(
 
 
 def _motions_to_try(
-    source: OrientedSurface, target: OrientedSurface, sizes: Sequence[float]
+    source: OrientedSurface,
+    target: OrientedSurface,
+    pairs: tuple[IntArray, IntArray],
+    sizes: Sequence[float],
 ) -> Motions:
     """Lay points onto points, normal onto normal, turned about it by every angle."""
-    ours, theirs = source.samples[: _POINTS[0]], target.samples[: _POINTS[1]]
+    ours, theirs = pairs
     mine, other = _frames(source.normals[ours]), _frames(target.normals[theirs])
     angles = 2 * np.pi * np.arange(_TURNS) / _TURNS
     turns = Rotation.from_rotvec(angles[:, None] * [0.0, 0.0, 1.0]).as_matrix()
-    rotations = np.einsum("qji,ajk,pkl->pqail", other, turns, mine).reshape(-1, 3, 3)
-    of = np.repeat(source.points[ours], len(theirs) * _TURNS, axis=0)
-    onto = np.tile(np.repeat(target.points[theirs], _TURNS, axis=0), (len(ours), 1))
+    rotations = np.einsum("pji,ajk,pkl->pail", other, turns, mine).reshape(-1, 3, 3)
+    of = np.repeat(source.points[ours], _TURNS, axis=0)
+    onto = np.repeat(target.points[theirs], _TURNS, axis=0)
     turned = np.einsum("hij,hj->hi", rotations, of)
     return Motions(
         np.tile(rotations, (len(sizes), 1, 1)),

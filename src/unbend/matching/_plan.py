@@ -262,6 +262,10 @@ def _motions(
         one.as_oriented(where, _SAMPLES) for one, where in zip(shapes, places, strict=True)
     )
     motions = find_motions(ours, theirs, sizes, count, constants.LIMB)
+    landmarks = shapes[0].landmarks, shapes[1].landmarks
+    if len(landmarks[0]):  # a motion that lays them is rarely among the best
+        led = find_motions(ours, theirs, sizes, count, constants.LIMB, landmarks)
+        motions = Motions(*(np.concatenate(both) for both in zip(motions, led, strict=True)))
     return laid_maps(ours, theirs, motions), motions
 
 
