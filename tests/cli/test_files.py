@@ -188,6 +188,16 @@ def test_landmarks_are_carried_and_lead_a_match(folder: Path) -> None:
     hints = ["--landmarks", "a.mrk.json", "--landmarks", "b.mrk.json"]
     done = right("match", *stones, *hints, "--no-refine", "--json")
     assert json.loads(done.stdout)["missed_landmarks"] == []
+    mesh = read_mesh(stones[0])
+    right_ones, x = [3, 20, 40, 60, 80], mesh.vertices[:, 0]
+    names = [*"vwxyz", "paw"]
+    write_markups("a.mrk.json", mesh, [*right_ones, x.argmin()], names)
+    write_markups("b.mrk.json", read_mesh(stones[1]), [*right_ones, x.argmax()], names)
+    done = right("match", *stones, *hints, "--no-refine", "--report", "page.html")
+    assert "landmark 'paw' at vertices" in done.stderr
+    page = Path("page.html").read_text("utf-8")
+    assert '"label": "paw (ignored)"' in page
+    assert "paw: they contradict" in page
     done = CliRunner().invoke(app, ["match", *map(str, stones), *hints[:2]])
     assert done.exit_code == 2
     assert "--landmarks takes one .csv file" in done.stderr

@@ -401,11 +401,31 @@ def test_landmarks_that_are_no_pairs_are_refused() -> None:
     egg = make_egg(2)
     with pytest.raises(InputError, match=f"there is no vertex {egg.n_vertices}"):
         match(egg, egg, n_eigenpairs=20, landmarks=[(0, egg.n_vertices)])
-    for wrong in ([1, 2], [[1, 2, 3]], [[[1, 2], [3, 4]]], np.zeros((0, 2), dtype=int), 5):
+    for wrong in ([1, 2], [[1, 2, 3]], [[[1, 2], [3, 4]]], 5):
         with pytest.raises(InputError, match="landmarks must be rows of two vertex numbers"):
             match(egg, egg, n_eigenpairs=20, landmarks=wrong)
     with pytest.raises(InputError, match="landmarks: rows have different lengths"):
         match(egg, egg, n_eigenpairs=20, landmarks=[[1, 2], [3]])
+
+
+def test_no_landmarks_may_be_an_empty_list() -> None:
+    egg = make_egg(2)
+    without = match(egg, egg, n_eigenpairs=20)
+    for none in ([], {}, np.empty((0, 2), dtype=int)):
+        found = match(egg, egg, n_eigenpairs=20, landmarks=none)
+        np.testing.assert_array_equal(found.source_to_target, without.source_to_target)
+
+
+def test_an_ignored_landmark_is_named_by_its_label() -> None:
+    ball = make_sphere(2)
+    stone = Mesh(ball.vertices * [1, 0.8, 0.6] + 0.2 * ball.vertices[:, [1, 2, 0]] ** 2, ball.faces)
+    x = stone.vertices[:, 0]
+    pairs = {str(i): (i, i) for i in (0, 20, 40, 60, 80)} | {"paw": (x.argmin(), x.argmax())}
+    told = f"landmark 'paw' at vertices {x.argmin()} and {x.argmax()} is ignored"
+    with pytest.warns(UnbendWarning, match=told):
+        assert match(stone, stone, landmarks=pairs).missed_landmarks == (5,)
+    with pytest.warns(UnbendWarning, match=told.replace("landmark 'paw'", "the landmark")):
+        match(stone, stone, landmarks=list(pairs.values()))
 
 
 def test_landmarks_lead_to_each_other_whatever_the_surface_says() -> None:

@@ -27,7 +27,7 @@ def match(work: Work, landmarks: Landmarks = (), mirror: bool = False) -> Result
     count = _N_MATCHES if max(mesh.n_vertices for mesh in work.meshes) <= _LARGE else 1
     found = find_match(
         *work.meshes,
-        landmarks=landmarks or None,
+        landmarks=landmarks,
         n_matches=count,
         allow_mirror=mirror,
         barycentric=True,
@@ -129,7 +129,7 @@ def _matched(
         found,
         work.page,
         up=work.up,
-        landmarks=landmarks or None,
+        landmarks=landmarks,
         command=quoted("unbend", *command),
         progress=work.progress,
     )

@@ -98,13 +98,16 @@ def read_truth(paths: Sequence[str | None], n_source: int, n_target: int) -> lis
     return found
 
 
-def landmarks_of(paths: Sequence[str] | None, shapes: Sequence[unbend.Mesh]) -> IntArray | None:
-    """Read the hints for matching two shapes, if there are any: a table, or points on each."""
+def landmarks_of(
+    paths: Sequence[str] | None, shapes: Sequence[unbend.Mesh]
+) -> dict[str, IntArray] | IntArray | None:
+    """Read landmarks of two shapes, if there are any, by label if each has one of its own."""
     source, target = shapes
     if not paths:
         return None
     if len(paths) == 2:
-        return unbend.io.read_markup_pairs(paths, source, target)[1]
+        labels, pairs = unbend.io.read_markup_pairs(paths, source, target)
+        return dict(zip(labels, pairs, strict=True)) if len(set(labels)) == len(labels) else pairs
     if len(paths) > 2 or paths[0].lower().endswith((*unbend.io.MARKUP_SUFFIXES, ".pts")):
         raise InputError(
             "--landmarks takes one .csv file of vertex pairs, or is given twice: a .mrk.json, "

@@ -68,12 +68,9 @@ def view(
 
 
 def _landmarks(paths: list[str], shapes: list[unbend.Mesh]) -> Any:
-    """Read landmarks of one mesh by name, or pairs of vertices of two, by name if they have any."""
+    """Read landmarks of one mesh or of two, by label if they have any."""
     if len(shapes) == 2:
-        if len(paths) != 2:
-            return landmarks_of(paths, shapes)
-        labels, pairs = unbend.io.read_markup_pairs(paths, *shapes)
-        return dict(zip(labels, pairs, strict=True)) if len(set(labels)) == len(labels) else pairs
+        return landmarks_of(paths, shapes)
     if len(paths) > 1:
         raise InputError("--landmarks of one mesh is one file of points")
     labels, vertices = unbend.io.read_markups(paths[0], shapes[0])

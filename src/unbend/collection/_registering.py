@@ -15,7 +15,6 @@ from zipfile import BadZipFile
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import array_of
 from unbend._text import plural, quoted
 from unbend._types import IntArray, Progress, StrPath
 from unbend.collection._engine import Engine, attempt_all, engine
@@ -83,9 +82,7 @@ def register_collection(
     for one, (name, pairs) in zip(store.find(list(landmarks)), landmarks.items(), strict=True):
         if one.id in known:
             raise InputError(f"landmarks: {name} is named twice; put its landmarks together")
-        what = f"landmarks of {name}"
-        given = array_of(pairs, what)
-        known[one.id] = landmark_pairs(given, what) if given.size else _NONE
+        known[one.id] = landmark_pairs(pairs, f"landmarks of {name}")
     shapes = sorted(store.entries(), key=lambda one: one.path)
     return _register(shapes, template, out, known, (), store.path, workers, progress)
 
@@ -218,10 +215,9 @@ def register_shape(task: Task) -> list[str]:
     """Register the template to a shape and write the result."""
     store = task.store
     path = task.shape.path if store is None else find_file(task.shape, store)
-    landmarks = task.landmarks if len(task.landmarks) else None
     with heard() as said:
         template, scan = read_mesh(task.template), read_mesh(path)
-        given = match(template, scan, landmarks=landmarks, barycentric=True)
+        given = match(template, scan, landmarks=task.landmarks, barycentric=True)
         found = register(template, scan, given)
     ours, own = f"{template.name}: ", f"{scan.name}: "
     # What is to be said of the template was told once, before.

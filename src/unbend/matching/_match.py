@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -53,7 +53,7 @@ def match(
     target: MeshLike,
     *,
     partial: Partial = "auto",
-    landmarks: npt.ArrayLike | None = None,
+    landmarks: npt.ArrayLike | Mapping[str, Any] | None = None,
     n_matches: int = 1,
     n_eigenpairs: int = _N_EIGENPAIRS,
     refine: bool = True,
@@ -83,10 +83,10 @@ def match(
         50 % of the area that is unlike everything on the other shape, closed or not.
         ``"auto"`` is ``"both"``, but less than 3 % of the area is not left without partner
         beyond a boundary: small holes are no parts. With ``"none"`` everything has a partner.
-    landmarks : (l, 2) array_like of int, optional
-        Pairs of a source and a target vertex that correspond. One to three settle what is
-        ambiguous. The map leads them to each other, to about an edge, except for those that
-        contradict what fits best: `missed_landmarks` names them.
+    landmarks : (l, 2) array_like of int, or mapping of str to such pairs, optional
+        Pairs of a source and a target vertex that correspond, perhaps with labels. One to three
+        settle what is ambiguous. The map leads them to each other, to about an edge, except for
+        those that contradict what fits best: `missed_landmarks` names them.
     n_matches : int, default=1
         How many maps to give at most: the best as the result, the others as its
         `alternatives`.
@@ -153,7 +153,10 @@ def match(
     ours, theirs = prepare_shapes((source, target), n_eigenpairs, torn)
     if progress is not None:
         progress("spectrum", 1.0)
-    pairs = np.empty((0, 2), np.int64) if landmarks is None else landmark_pairs(landmarks)
+    labels: list[str] = []
+    if isinstance(landmarks, Mapping):
+        labels, landmarks = list(landmarks), list(landmarks.values())
+    pairs = landmark_pairs([] if landmarks is None else landmarks)
     if len(pairs):
         ours, theirs = (
             one._replace(shape=replace(one.shape, landmarks=one.local(vertices)))
@@ -206,7 +209,9 @@ def match(
         result = replace(result, mirrored=expand(other.forward, other.source.overlap, ours, theirs))
     for row in result.missed_landmarks:
         one, other = pairs[row]
-        warn(f"landmark {row} (vertices {one} and {other}) is ignored: it contradicts the best map")
+        which = f"landmark {labels[row]!r}" if labels else "the landmark"
+        told = f"{which} at vertices {one} and {other} is ignored"
+        warn(f"{told}: it contradicts the best-fitting map")
     warn_of_disorder(result)
     return result
 
@@ -276,10 +281,12 @@ def symmetry(
 
 
 def landmark_pairs(landmarks: npt.ArrayLike, name: str = "landmarks") -> IntArray:
-    """Check that landmarks are rows of two whole numbers; return them as (l, 2) int64."""
+    """Check that landmarks are rows of two whole numbers, or none; return them as (l, 2) int64."""
     pairs = array_of(landmarks, name)
+    if not pairs.size:
+        return np.empty((0, 2), dtype=np.int64)
     whole = np.issubdtype(pairs.dtype, np.integer)
-    if pairs.ndim != 2 or pairs.shape[1] != 2 or not len(pairs) or not whole:
+    if pairs.ndim != 2 or pairs.shape[1] != 2 or not whole:
         raise InputError(
             f"{name} must be rows of two vertex numbers, of the source and of the target, not an "
             f"array of shape {pairs.shape} and type {pairs.dtype}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from html import escape
 from typing import Any
@@ -42,7 +42,7 @@ def match_page(
     *,
     up: Axis = "y",
     truth: Sequence[npt.ArrayLike] | None = None,
-    landmarks: npt.ArrayLike | None = None,
+    landmarks: npt.ArrayLike | Mapping[str, Any] | None = None,
     command: str = "",
     progress: Progress | None = None,
 ) -> Page:
@@ -67,8 +67,9 @@ def match_page(
     truth : sequence of 2 or 3 (r,) array_like of int, optional
         Source vertices, their true target vertices and perhaps the mirrored ones, as for
         :func:`unbend.evaluate`: the page then shows the errors.
-    landmarks : (l, 2) array_like of int, optional
-        Source and target vertices that were given to :func:`unbend.match`, shown with numbers.
+    landmarks : (l, 2) array_like of int, or mapping of str to such pairs, optional
+        Source and target vertices that were given to :func:`unbend.match`, shown with their labels
+        or numbers.
     command : str, default=""
         What made the match, shown on the page.
     progress : callable, optional
@@ -112,8 +113,9 @@ def match_page(
     shown = show(source), show(target)
     step("page, canonical forms", 0.1)
     forms = _form(source), _form(target)
-    pairs = checked_landmarks(landmarks, [source, target])
-    ignored = known.missed_landmarks if known is not None and pairs else ()
+    named = checked_landmarks(landmarks, [source, target])
+    missed = known.missed_landmarks if known is not None and named else ()
+    ignored = [named[i][0] for i in missed]
     packed, found = [], []
     for i, one in enumerate(maps.values()):
         step("page, maps", 0.3 + 0.6 * i / len(maps))
@@ -147,10 +149,10 @@ def match_page(
             "maps": packed,
             "landmarks": [
                 {
-                    "label": f"{i + 1} (ignored)" if i in ignored else f"{i + 1}",
+                    "label": f"{label} (ignored)" if i in missed else label,
                     "at": [int(one.stand_ins[k]) for one, k in zip(shown, pair, strict=True)],
                 }
-                for i, pair in enumerate(pairs)
+                for i, (label, pair) in enumerate(named)
             ],
             "worst": words.WORST,
         },

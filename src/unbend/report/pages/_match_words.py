@@ -128,7 +128,7 @@ def alternatives(match: Match) -> str:
 
 
 def facts(
-    shown: tuple[Shown, Shown], match: Match | None, command: str, ignored: Sequence[int]
+    shown: tuple[Shown, Shown], match: Match | None, command: str, ignored: Sequence[str]
 ) -> str:
     rows = []
     for side, one in zip(_SIDES, shown, strict=True):
@@ -137,7 +137,7 @@ def facts(
         ("for display", "the target is rotated as a whole, and scaled to the source's size")
     )
     if ignored:
-        which = ", ".join(str(i + 1) for i in ignored)
+        which = ", ".join(ignored)
         rows.append(("landmarks ignored", f"{which}: they contradict the best-fitting map"))
     if match is None:
         return parts.how_made(rows, command)

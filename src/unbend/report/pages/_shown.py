@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -82,8 +82,16 @@ def show(mesh: Mesh, most: int = MOST_VERTICES) -> Shown:
     return Shown(mesh, ids[kept], faces, stand_ins)
 
 
-def checked_landmarks(landmarks: npt.ArrayLike | None, meshes: Sequence[Mesh]) -> list[list[int]]:
-    """Rows of landmarks, with a vertex of each mesh; InputError if they are not on faces."""
+def checked_landmarks(
+    landmarks: npt.ArrayLike | Mapping[str, Any] | None, meshes: Sequence[Mesh]
+) -> list[tuple[str, list[int]]]:
+    """Labels of landmarks, by default numbers from 1, and the vertex of each on each mesh.
+
+    Raises InputError if they are not on faces.
+    """
+    labels = None
+    if isinstance(landmarks, Mapping):
+        labels, landmarks = list(landmarks), list(landmarks.values())
     if landmarks is None or not np.size(landmarks):
         return []
     rows = array_of(landmarks, "landmarks")
@@ -98,8 +106,7 @@ def checked_landmarks(landmarks: npt.ArrayLike | None, meshes: Sequence[Mesh]) -
                 f"landmark {wrong[0]} is no vertex of a face of {mesh.name}, which has "
                 f"{plural(mesh.n_vertices, 'vertex')}, counted from 0"
             )
-    found: list[list[int]] = rows.tolist()
-    return found
+    return list(zip(labels or map(str, range(1, len(rows) + 1)), rows.tolist(), strict=True))
 
 
 def pack_whole(numbers: npt.NDArray[Any]) -> dict[str, Any]:

@@ -88,11 +88,12 @@ def view(
         one, facts = _packed(mesh, None if i else scalars)
         packed.append(one)
         lead.append(f"{mesh.name}: {'; '.join(facts)}.")
+    named = checked_landmarks(landmarks, meshes)
     return parts.make_page(
         " and ".join(names),
         " ".join(lead),
         [_pictures(names, up, packed[0].get("limits")), _table(names)],
-        {"shapes": packed, "landmarks": _landmarks(landmarks, meshes)},
+        {"shapes": packed, "landmarks": [{"name": name, "at": at} for name, at in named]},
         ("landmarks.js", "view.js"),
         path=path,
         heading='<span class="arrow">and</span>'.join(map(escape, names)),
@@ -125,18 +126,6 @@ def _told_apart(low: float, high: float) -> tuple[str, str]:
     begun = max(abs(low), abs(high)) / (high - low) if high > low else 1.0
     digits = min(5 + int(np.log10(max(begun, 1.0))), 17)
     return f"{low:.{digits}g}", f"{high:.{digits}g}"
-
-
-def _landmarks(
-    given: npt.ArrayLike | Mapping[str, Any] | None, meshes: list[Mesh]
-) -> list[dict[str, Any]]:
-    """Names of landmarks, and the vertex of each on each shape."""
-    names = None
-    if isinstance(given, Mapping):
-        names, given = list(given), list(given.values())
-    rows = checked_landmarks(given, meshes)
-    names = names or [str(i + 1) for i in range(len(rows))]
-    return [{"name": name, "at": at} for name, at in zip(names, rows, strict=True)]
 
 
 def _pictures(names: list[str], up: str, limits: tuple[float, float] | None) -> str:
