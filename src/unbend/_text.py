@@ -12,10 +12,10 @@ def printable(text: str) -> str:
 
 
 def plural(number: int, noun: str) -> str:
-    """Write a number with its noun: ``1 vertex``, ``2 vertices``, ``3 faces``."""
-    if number == 1:
-        return f"1 {noun}"
-    return f"{number} {noun.removesuffix('ex')}ices" if noun.endswith("ex") else f"{number} {noun}s"
+    """Write a number with its noun: ``1 vertex``, ``2,000 vertices``, ``3 faces``."""
+    if number != 1:
+        noun = f"{noun.removesuffix('ex')}ices" if noun.endswith("ex") else f"{noun}s"
+    return f"{number:,} {noun}"
 
 
 def quoted(*words: str) -> str:

@@ -110,7 +110,7 @@ def test_identical_files_show_as_one_shape(folder: Path, tmp_path: Path) -> None
     done = run("remove", store, copies[0])
     assert done.stdout.startswith(f"removed {copies[0]}; the shape stays as {copies[1]}\n")
     assert run("remove", store, copies[1], paths[0]).stdout == (
-        f"removed {copies[1]}\nremoved {paths[0]}\n{store} has 1 shapes\n"
+        f"removed {copies[1]}\nremoved {paths[0]}\n{store} has 1 shape\n"
     )
 
 

@@ -98,7 +98,7 @@ def _off() -> Iterator[_Row]:
         "OFF, 10^18 vertices in a few bytes",
         ".off",
         "OFF\n1000000000000000000 1 0\n",
-        "truncated: it promises 1000000000000000000 vertices",
+        "truncated: it promises 1,000,000,000,000,000,000 vertices",
     )
     yield (
         "OFF, a count of 5,000 digits",

@@ -171,7 +171,7 @@ ONE = _match([0], [0])
         ([1.0, 2], [0, 0], {}, "maps from source to target: to invert it, give"),
         ([1.0, 2], [0.5], {}, "no Match must be a list of vertex numbers"),
         ([1.0, 2], [-2], {}, "no Match must be a list of vertex numbers"),
-        ([1.0], _match([0, 0], [1]), {}, "1 rows to carry, but the source has 2 vertices"),
+        ([1.0], _match([0, 0], [1]), {}, "1 row to carry, but the source has 2 vertices"),
         ([1.0], ONE, {"kind": "mean"}, "kind must be"),
         (["a"], ONE, {"kind": "scalar"}, "cannot be averaged"),
         ([1j], ONE, {}, "neither numbers nor labels"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from unbend._text import plural
 from unbend._types import FloatArray, IntArray, Progress
 from unbend.canonical._canonical_form import CanonicalForm
 from unbend.errors import InputError, unheard
@@ -101,8 +102,8 @@ def check_form(mesh: Mesh, form: CanonicalForm) -> None:
         raise InputError(f"{mesh.name} has no faces, and this needs a surface")
     if len(form.points) != mesh.n_vertices:
         raise InputError(
-            f"the form has {len(form.points)} points, but {mesh.name} has "
-            f"{mesh.n_vertices} vertices"
+            f"the form has {plural(len(form.points), 'point')}, but {mesh.name} has "
+            f"{plural(mesh.n_vertices, 'vertex')}"
         )
 
 

@@ -11,6 +11,7 @@ import typer
 
 import unbend
 from unbend._display import is_doubtful
+from unbend._text import plural
 from unbend.choices import Axis, DistanceKind
 from unbend.cli import _options as options
 from unbend.cli import _output as output
@@ -60,9 +61,9 @@ def similarity(
     for shape in shapes[1:]:
         if known and shape.n_vertices != shapes[0].n_vertices:
             raise InputError(
-                f"{shapes[0].name} and {shape.name} have {shapes[0].n_vertices} and "
-                f"{shape.n_vertices} vertices, so they do not correspond one by one; leave out "
-                "--known-correspondence"
+                f"{shapes[0].name} and {shape.name} have {shapes[0].n_vertices:,} and "
+                f"{plural(shape.n_vertices, 'vertex')}, so they do not correspond one by one; "
+                "leave out --known-correspondence"
             )
     kind: Any = {"distance": distance, "weighting": "uniform" if known else "area"}
     forms = []

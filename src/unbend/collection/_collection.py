@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from unbend._arrays import check_whole
 from unbend._memory import available_memory
+from unbend._text import plural
 from unbend._types import FloatArray, Progress, StrPath
 from unbend.choices import Rerank
 from unbend.collection._adding import add_files
@@ -99,7 +100,7 @@ class Collection:
         return self._store.entries()
 
     def __repr__(self) -> str:
-        return f"Collection({self.path!r}, {len(self)} shapes)"
+        return f"Collection({self.path!r}, {plural(len(self), 'shape')})"
 
     def add(
         self,

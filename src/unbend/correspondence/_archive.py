@@ -198,7 +198,8 @@ def _vertices(arrays: _Arrays, name: str, n: int | None, below: int | None) -> I
     with prefixed(f"its {name}"):
         found = counted_from_zero(whole_numbers(arrays[name]), 0, below)
     if n is not None and len(found) != n:
-        raise FileError(f"its {name} has {len(found)} rows, but its source_to_target {n}")
+        rows = plural(len(found), "row")
+        raise FileError(f"its {name} has {rows}, but its source_to_target {n:,}")
     return found
 
 
@@ -295,7 +296,7 @@ def _check_mesh(mesh: Mesh, n_vertices: int, hashes: npt.NDArray[Any] | None) ->
     if mesh.n_vertices != n_vertices:
         raise FileError(
             f"belongs to a mesh of {plural(n_vertices, 'vertex')}, but {mesh.name} has "
-            f"{mesh.n_vertices}"
+            f"{mesh.n_vertices:,}"
         )
     if hashes is not None and set(mesh_hashes(mesh)).isdisjoint(hashes.ravel().tolist()):
         raise FileError(

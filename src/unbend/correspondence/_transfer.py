@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._arrays import first_largest, values_of
+from unbend._text import plural
 from unbend._types import FloatArray, IntArray
 from unbend.choices import ValueKind
 from unbend.deformation import closest_faces
@@ -101,8 +102,9 @@ def carry(
     array = values_of(values, "values")
     images = as_point_map(match, source, target)
     if array.ndim == 0 or len(array) != len(images):
-        rows = "is one value" if array.ndim == 0 else f"are {len(array)} rows"
-        raise InputError(f"there {rows} to carry, but the source has {len(images)} vertices")
+        given = "one value" if array.ndim == 0 else plural(len(array), "row")
+        need = plural(len(images), "vertex")
+        raise InputError(f"{given} to carry, but the source has {need}")
     corners, shares = _preimages(match, images, source, target)
     if corners.max(initial=-1) >= len(array):
         raise InputError(

@@ -145,8 +145,8 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
         kept, number = weld(places)
         if len(kept) < len(number):
             notes.append(
-                f"{len(number)} vertices welded into {len(kept)} where their positions are equal "
-                "(the format repeats them at seams)"
+                f"{plural(len(number), 'vertex')} welded into {len(kept):,} where their positions "
+                "are equal (the format repeats them at seams)"
             )
             corners = number[corners]
             notes += [

@@ -79,7 +79,8 @@ def read_map(
         values = whole_numbers(read_array(data)) if suffix == ".npy" else _numbers(data, suffix)
         if n_source is not None and len(values) != n_source:
             raise FileError(
-                f"holds {len(values)} rows, but the source has {n_source} vertices; "
+                f"holds {plural(len(values), 'row')}, but the source has "
+                f"{plural(n_source, 'vertex')}; "
                 "a map has one row for each"
             )
         return counted_from_zero(values, first, n_target)

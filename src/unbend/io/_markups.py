@@ -166,8 +166,8 @@ def read_markup_pairs(
         first, second = first[rows], second[[its.index(keys[i]) for i in rows]]
     if len(first) != len(second):
         raise InputError(
-            f"{paths[0]} has {plural(len(first), 'point')}, {paths[1]} {len(second)}: they must be "
-            "pairs"
+            f"{paths[0]} has {plural(len(first), 'point')}, {paths[1]} {len(second):,}: they must "
+            "be pairs"
         )
     # Slicer itself calls points F-1 or the like.
     named = (any(not re.fullmatch(r"(.*-)?\d+|", key) for key in one) for one in (keys, its))

@@ -116,7 +116,8 @@ def read_named_values(
         if n_vertices not in (None, n):
             text = b"" if of_mesh or suffix == ".npy" else given
             hint = "; empty lines are no rows: write NA there" if _EMPTY_LINE.search(text) else ""
-            raise FileError(f"holds {plural(n, 'row')}, but there are {n_vertices} vertices{hint}")
+            need = plural(n_vertices, "vertex")
+            raise FileError(f"holds {plural(n, 'row')}, but there are {need}{hint}")
     return values, names
 
 
@@ -218,7 +219,8 @@ def write_values(
         raise InputError(f"kind must be scalar, label, weights, color or uv, not {kind!r}")
     array = values_of(values, "values")
     if array.size == 0 or array.ndim == 0 or len(array) != mesh.n_vertices:
-        raise InputError(f"values must have one row for each of {mesh.n_vertices} vertices")
+        need = plural(mesh.n_vertices, "vertex")
+        raise InputError(f"values must have one row for each of {need}")
     check_storable(path, array, kind)
     columns = array.reshape(len(array), -1)
     if len(names) not in (0, columns.shape[1]):

@@ -177,8 +177,8 @@ def _largest(mesh: Mesh) -> tuple[Mesh, IntArray, IntArray]:
     if n_others < 1:
         return mesh, np.arange(mesh.n_vertices), np.arange(mesh.n_faces)
     warn(
-        f"{mesh.name}: its largest component is matched, {components.n_vertices[0]} of "
-        f"{mesh.n_vertices} vertices; {plural(n_others, 'smaller component')} "
+        f"{mesh.name}: its largest component is matched, {components.n_vertices[0]:,} of "
+        f"{plural(mesh.n_vertices, 'vertex')}; {plural(n_others, 'smaller component')} "
         f"{'goes' if n_others == 1 else 'go'} along with what is nearest to it"
         f"{describe_seams(mesh, components)}"
     )

@@ -79,8 +79,8 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
     if chosen is not None and n_components > 1:
         keep = components.of_vertex == chosen
         notes.append(
-            f"component {chosen} of {n_components} was kept, {components.n_vertices[chosen]} of "
-            f"{mesh.n_vertices} vertices; the others are {_NO_RESULT}"
+            f"component {chosen} of {n_components} was kept, {components.n_vertices[chosen]:,} of "
+            f"{plural(mesh.n_vertices, 'vertex')}; the others are {_NO_RESULT}"
         )
     working, kept, kept_faces = restrict(mesh, keep)
     if len(kept) < _LEAST_VERTICES:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._arrays import numbers_of
-from unbend._text import printable
+from unbend._text import plural, printable
 from unbend._types import FloatArray, StrPath
 from unbend.alignment import procrustes
 from unbend.errors import InputError, MissingExtraError
@@ -193,7 +193,8 @@ def _places(given: Any, mesh: Mesh, what: str) -> FloatArray:
     points = numbers_of(given, what)
     if points.shape != mesh.vertices.shape:
         raise InputError(
-            f"{what} has shape {points.shape}, but its original has {mesh.n_vertices} vertices"
+            f"{what} has shape {points.shape}, but its original has "
+            f"{plural(mesh.n_vertices, 'vertex')}"
         )
     return points
 
@@ -273,7 +274,8 @@ def check_values(values: npt.ArrayLike, mesh: Mesh) -> FloatArray:
     array = numbers_of(values, "values")
     if array.shape != (mesh.n_vertices,):
         raise InputError(
-            f"{mesh.name} has {mesh.n_vertices} vertices, but values have shape {array.shape}"
+            f"{mesh.name} has {plural(mesh.n_vertices, 'vertex')}, but values have shape "
+            f"{array.shape}"
         )
     drawn = np.full(mesh.n_vertices, np.nan)
     drawn[mesh.faces] = array[mesh.faces]

@@ -397,7 +397,7 @@ BAD_FILES = {
     "header.off": (b"OFF\n4\n", "lacks the line"),
     "words.off": (b"OFF\nfour 2 0\n", "'four' is not a number of vertices"),
     "minus.off": (b"OFF\n-4 2 0\n", "'-4' is not a number of vertices"),
-    "hostile.off": (b"OFF\n2000000000 2 0\n", "promises 2000000000 vertices"),
+    "hostile.off": (b"OFF\n2000000000 2 0\n", "promises 2,000,000,000 vertices"),
     "binary.off": (b"OFF BINARY\n\0\0\0\4", "binary OFF"),
     "commented.off": (b"# made elsewhere\nOFF BINARY\n\0\0\0\4", "binary OFF"),
     "four.off": (b"4OFF\n1 0 0\n0 0 0 1\n", "not three-dimensional"),
@@ -418,9 +418,9 @@ BAD_FILES = {
     "huge_index.off": (f"OFF\n4 1 0\n{POINTS}3 0 1 {'9' * 30}\n", "face 0 holds '99999"),
     "word.obj": (b"v 0 0 0\nf 1 a 1\n", "face 0 holds '1 a 1', not vertex indices"),
     "flat.obj": (b"v 0 0 0\nv 1 2\n", "vertex 1 has 2 numbers"),
-    "hostile.ply": (ply_header(2_000_000_000), "2000000000 vertex rows, but holds 0 bytes"),
+    "hostile.ply": (ply_header(2_000_000_000), "2,000,000,000 vertex rows, but holds 0 bytes"),
     "hostile_text.ply": (ply_header(2_000_000_000, 0, "ascii"), "but holds 0 lines"),
-    "hostile_faces.ply": (ply_header(1, 10**18) + "x" * 40, "promises 1000000000000000000 face"),
+    "hostile_faces.ply": (ply_header(1, 10**18) + "x" * 40, "it promises 1,000,000,000,000,"),
     "astronomic.ply": (ply_header("9" * 5000), "is not a number of vertex rows"),
     "negative.ply": (ply_header(-1), "'-1' is not a number of vertex rows"),
     "headless.ply": (b"ply\nformat ascii 1.0\n", "no line end_header"),
@@ -454,7 +454,7 @@ BAD_FILES = {
                 "property int z\nend_header\n1 2 3\n", "vertex 0 has fewer numbers"),
     "cut.stl": (b" " * 80 + struct.pack("<I", 9) + b"x" * 60, "promises 9 triangles, 534 bytes"),
     "cut_text.stl": (b"solid\nfacet normal 0 0 0\nvertex 0 0 0\n", "last line is not endsolid"),
-    "corners.stl": (b"solid\nfacet\nvertex 0 0 0\nendfacet\nendsolid", "1 facet but 1 corners"),
+    "corners.stl": (b"solid\nfacet\nvertex 0 0 0\nendfacet\nendsolid", "1 facet but 1 corner"),
     "facets.stl": (b"vertex 0 0 0\nendfacet\nendsolid" + bytes(80), "not an STL file"),
     "nothing.stl": (b"solid\nendsolid", "no triangles"),
     "cut.npy": (b"", "is empty"),
@@ -503,7 +503,7 @@ class TestBadFiles:
     def test_npy_that_promises_too_much(self, tmp_path: Path) -> None:
         np.save(tmp_path / "p.npy", np.zeros((100, 3)))
         data = (tmp_path / "p.npy").read_bytes()[:-10]
-        with pytest.raises(FileError, match="promises 100 rows, 2400 bytes, but 2390"):
+        with pytest.raises(FileError, match="promises 100 rows, 2,400 bytes, but 2,390"):
             read_mesh(put(tmp_path, "p.npy", data))
 
 

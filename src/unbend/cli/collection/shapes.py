@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 import unbend
-from unbend._text import quoted
+from unbend._text import plural, quoted
 from unbend.cli import _options as options
 from unbend.cli._input import opened
 from unbend.cli._output import SHORT_ID, progress, rows, shown, shown_shape, tell
@@ -42,7 +42,7 @@ def add(
     count = len(collection)
     line = (
         f"added {done.added:,}, there before {done.skipped:,}{moved}, failed "
-        f"{len(done.failures):,}; {store} has {count:,} shapes ({done.seconds:.1f} s{rate})"
+        f"{len(done.failures):,}; {store} has {plural(count, 'shape')} ({done.seconds:.1f} s{rate})"
     )
     hint = f"unbend collection search {quoted(store)} MESH, to find what is like it"
     told = {"store": store, "n_added": done.added, "n_skipped": done.skipped}
@@ -140,7 +140,7 @@ def remove(store: str, shapes: list[str]) -> None:
         kept = f"; the shape stays as {shown(min(left[entry.id]))}" if left[entry.id] else ""
         lines.append(f"removed {shown_shape(entry)}{kept}")
     count = len(collection)
-    lines.append(f"{store} has {count:,} shapes")
+    lines.append(f"{store} has {plural(count, 'shape')}")
     tell({"store": store, "removed": removed, "n_shapes": count}, lines)
 
 
@@ -155,5 +155,5 @@ def export(store: str, out: Annotated[str, options.out()]) -> None:
     $ unbend collection export shapes -o shapes.csv
     """
     count = opened(store).export(out)
-    line = f"wrote {count:,} rows to {out}, one for each file"
+    line = f"wrote {plural(count, 'row')} to {out}, one for each file"
     tell({"store": store, "n_rows": count}, [line], written=[out])

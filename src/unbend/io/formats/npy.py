@@ -25,7 +25,7 @@ def read_array(data: bytes) -> npt.NDArray[Any]:
     if size * dtype.itemsize > follow:
         raise FileError(
             f"truncated: it promises {plural(shape[0] if shape else 1, 'row')}, "
-            f"{size * dtype.itemsize} bytes, but {follow} bytes follow"
+            f"{size * dtype.itemsize:,} bytes, but {plural(follow, 'byte')} follow"
         )
     values = np.frombuffer(data, dtype=dtype, count=size, offset=stream.tell())
     return values.reshape(shape, order="F" if fortran_order else "C")

@@ -65,7 +65,7 @@ def _header(data: bytes) -> tuple[str, int, int, list[str]]:
     n_vertices, n_faces = count(header[0], "vertices"), count(header[1], "faces")
     if n_vertices + n_faces > len(rest):
         raise FileError(
-            f"truncated: it promises {n_vertices} vertices and {n_faces} faces, "
+            f"truncated: it promises {plural(n_vertices, 'vertex')} and {plural(n_faces, 'face')}, "
             f"but {plural(len(rest), 'line')} follow"
         )
     return keyword[1], n_vertices, n_faces, rest

@@ -39,7 +39,8 @@ def read(data: bytes) -> Contents:
     kept, faces = weld(corners)
     welded = (
         f"{plural(len(corners), 'corner')} of {plural(len(corners) // 3, 'triangle')} welded into "
-        f"{len(kept)} vertices where their positions are equal (STL does not store vertices)"
+        f"{plural(len(kept), 'vertex')} where their positions are equal (STL does not store "
+        "vertices)"
     )
     notes = (welded, *left_out(n_unread, "byte", "triangle"))
     return Contents(corners[kept], faces.reshape(-1, 3), notes)
@@ -61,8 +62,8 @@ def _binary(data: bytes) -> npt.NDArray[np.void] | None:
         if words.lstrip()[:5] == b"solid" and (b"facet" in words or b"endsolid" in words):
             return None
         raise FileError(
-            f"truncated: it promises {plural(n_triangles, 'triangle')}, {n_bytes} bytes, "
-            f"but has {len(data)} bytes"
+            f"truncated: it promises {plural(n_triangles, 'triangle')}, {n_bytes:,} bytes, "
+            f"but has {plural(len(data), 'byte')}"
             if len(data) >= _HEADER and n_triangles
             else "not an STL file, or one without triangles"
         )
@@ -76,7 +77,8 @@ def _text(data: bytes) -> FloatArray:
     if lines[-1][0].lower() != "endsolid":
         raise FileError("truncated: its last line is not endsolid")
     if len(rows) != 3 * n_facets:
-        raise FileError(f"has {plural(n_facets, 'facet')} but {len(rows)} corners; 3 each needed")
+        corners = plural(len(rows), "corner")
+        raise FileError(f"has {plural(n_facets, 'facet')} but {corners}; 3 each needed")
     return positions(rows, "corner")
 
 

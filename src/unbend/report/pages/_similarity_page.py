@@ -115,11 +115,11 @@ def similarity_page(
         rows = [(names[i], *(_number_told(array[i, j]) for j in order)) for i in order]
         blocks.append(f"<details><summary>As a table</summary>{table(rows, heads)}</details>")
     if numbers is None:
-        title = f"How alike {len(names)} shapes are"
+        title = f"How alike {len(names):,} shapes are"
         blocks.append(parts.section("Shapes", _cards(names, order)))
     else:
         found = np.unique(numbers)
-        title = f"{len(names)} shapes in {plural(len(found), 'group')}"
+        title = f"{plural(len(names), 'shape')} in {plural(len(found), 'group')}"
         for number in found:
             members = order[numbers[order] == number]
             heading = f"Group {number}: {plural(len(members), 'shape')}"
