@@ -413,6 +413,8 @@ def test_similarity_of_shapes_meshed_apart(folder: Path, tmp_path: Path) -> None
         ),
         ("match a.ply b.ply --report map.pdf", 'unknown suffix ".pdf"'),
         ("match a.ply b.ply --truth a.vts b.vts", "shown by --report"),
+        ("match a.ply b.ply --up z", "--up is for pictures, and none is drawn"),
+        ("register a.ply b.ply -o out.ply --up y", "--up is for pictures"),
         ("match a.ply b.ply --report r.html --mirrored-truth a.vts", "needs --truth"),
         ("match a.ply b.ply --n-eigenpairs 2", "at least 4"),
         ("match a.ply b.ply --landmarks long.vts", "unknown suffix"),

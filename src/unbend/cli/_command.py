@@ -13,6 +13,7 @@ from typer.core import TyperCommand
 
 from unbend.cli._options import HELP, check_files
 from unbend.cli._output import begin, end_progress
+from unbend.errors import InputError
 
 
 def make_group(help: str, *functions: Callable[..., None], **options: Any) -> typer.Typer:
@@ -62,6 +63,10 @@ def _with_common_options(function: Callable[..., None]) -> Callable[..., None]:
     ) -> None:
         begin(as_json, quiet)
         check_files(given)
+        pictures = [given[name] for name in ("figure", "report") if name in given]
+        up = ctx.get_parameter_source("up")
+        if pictures and not any(pictures) and up is not None and up.name == "COMMANDLINE":
+            raise InputError("--up is for pictures, and none is drawn; leave it out, or add one")
         ctx.call_on_close(end_progress)
         for name, fields in groups.items():
             given[name] = own[name].annotation(**{field: given.pop(field) for field in fields})
