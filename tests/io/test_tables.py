@@ -11,6 +11,13 @@ def test_what_is_written_is_read_again_in_any_order_of_columns(tmp_path):
     assert read_table(tmp_path / "a.csv", ("a", "b")) == [["0.1", 'say "x, y"'], ["2", "é"]]
 
 
+def test_names_with_line_breaks_are_read_again(tmp_path):
+    names = [["a\rb.off"], ["c\nd.off"], ["e\r\nf.off"]]
+    write_table(tmp_path / "a.csv", [("path", "group"), *((*name, 1) for name in names)])
+    assert read_table(tmp_path / "a.csv", ("path",)) == names
+    assert (tmp_path / "a.csv").read_bytes().startswith(b"path,group\n")
+
+
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_lines_may_end_as_on_any_system_and_begin_with_a_byte_order_mark(tmp_path, end):
     (tmp_path / "a.csv").write_bytes(f"\ufeffa, b{end}1, 2{end}".encode())

@@ -12,6 +12,7 @@ import sys
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, BinaryIO
 
 from unbend._memory import available_memory
@@ -156,7 +157,7 @@ def read_table(path: StrPath, columns: Sequence[str]) -> list[list[str]]:
 def write_table(path: StrPath, rows: Iterable[Iterable[Any]], *, quote_all: bool = False) -> None:
     """Write rows, the first being the names of the columns; the file appears once complete."""
     with atomic_write(path) as file:
-        text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
+        # What a line may end with is quoted in values, a carriage return too.
+        lines: Any = SimpleNamespace(write=lambda line: file.write(line[:-2].encode() + b"\n"))
         options: dict[str, Any] = {"quoting": csv.QUOTE_ALL} if quote_all else {}
-        csv.writer(text, lineterminator="\n", **options).writerows(rows)
-        text.detach()
+        csv.writer(lines, lineterminator="\r\n", **options).writerows(rows)
