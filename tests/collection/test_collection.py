@@ -344,6 +344,11 @@ def test_mistakes(filled: Collection, tmp_path: Path, monkeypatch: pytest.Monkey
         Collection(tmp_path / "file")
     with pytest.raises(FileError, match="holds other things"):
         Collection(tmp_path)
+    import lancedb
+
+    lancedb.connect(tmp_path / "foreign").create_table("shapes", [{"id": "x", "vector": [1.0]}])
+    with pytest.raises(FileError, match="foreign is another program's; a collection is a folder"):
+        Collection(tmp_path / "foreign")
     monkeypatch.setattr(_store, "DESCRIPTOR_VERSION", "another")
     for use in (lambda: filled.add(tmp_path), lambda: filled.search(BALL), filled.distances):
         with pytest.raises(InputError, match="do not compare with those of this unbend, another"):

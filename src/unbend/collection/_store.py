@@ -67,6 +67,11 @@ class Store:
             _check_folder(Path(self.path))
         with self._explained():
             self._table = self._open()
+            if self.exists and b"parameters" not in (self.schema.metadata or {}):
+                raise FileError(
+                    f"the table in {self.path} is another program's; a collection is a folder of "
+                    "its own: give one that is empty or does not exist"
+                )
 
     def _open(self) -> Any:
         """Open the table; None if there is none.
