@@ -41,6 +41,13 @@ def test_antipodes_are_half_a_great_circle_away(distance: str) -> None:
     np.testing.assert_allclose(found.direct, np.pi / np.sqrt(AREA), rtol=0.03)
 
 
+def test_progress_is_told_of_every_vertex_from_which_distances_are_computed() -> None:
+    told: list[tuple[str, float]] = []
+    egg = Mesh(BALL.vertices * [1, 1, 2], BALL.faces)
+    evaluate(EVERY, egg, EVERY[:4], EVERY[:4], progress=lambda *step: told.append(step))
+    assert told == [("geodesic distances", share) for share in (0, 0.25, 0.5, 0.75)]
+
+
 def test_errors_do_not_depend_on_the_unit() -> None:
     images = np.roll(EVERY, 7)
     small = evaluate(images, BALL, EVERY[:30], EVERY[:30])

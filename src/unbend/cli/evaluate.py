@@ -49,8 +49,9 @@ def evaluate(
     point_map = given.source_to_target if isinstance(given, unbend.Match) else given
     files = source_truth, target_truth, mirrored_truth
     sources, *truths = read_truth(files, len(point_map), shape.n_vertices)
-    output.progress(f"{distance} distances", 0)
-    found = unbend.evaluate(point_map, shape, sources, *truths, distance=distance)
+    found = unbend.evaluate(
+        point_map, shape, sources, *truths, distance=distance, progress=output.progress
+    )
     if figure is not None:
         unbend.report.draw_error_curves({Path(map_file).stem: found}, figure)
     thresholds = unbend.correspondence.THRESHOLDS
