@@ -317,6 +317,8 @@ def test_transfer_and_register_refuse_an_unsure_match(folder: Path, tmp_path: Pa
         done = run(*line, 0.7)
         assert (done.exit_code, done.stdout) == (3, "")
         assert done.stderr == ("error: the match's confidence is 0.6, below 0.7: no file written\n")
+        told = json.loads(run(*line, 0.7, "--json").stdout)
+        assert (told["confidence"], told["written"]) == (0.6, [])
         assert sorted(tmp_path.iterdir()) == before
         right(*line, 0.6)
         (tmp_path / "out.ply").unlink()

@@ -102,7 +102,9 @@ app = make_group(
     demo.demo,
     name="unbend",
     cls=_Group,
-    epilog="unbend COMMAND --help explains a command and shows examples.",
+    epilog="unbend COMMAND --help explains a command and shows examples. Exit codes: 0, done; 1, "
+    "some of several shapes failed; 2, refused, with a sentence; 3, a match is below "
+    "--min-confidence.",
     pretty_exceptions_enable=False,
 )
 app.add_typer(collection.app, name="collection")

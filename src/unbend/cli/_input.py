@@ -7,8 +7,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import typer
-
 import unbend
 from unbend._text import plural, quoted
 from unbend.cli import _output as output
@@ -188,7 +186,7 @@ def read_or_match(shapes: Sequence[unbend.Mesh], given: MatchOptions) -> unbend.
         found = read
     output.warn_if_doubtful(found)
     if is_unsure(found, given.min_confidence):
-        raise typer.Exit(output.EXIT_UNSURE)
+        output.tell(output.fields_of(found, "confidence"), [], unsure=True)
     if given.save_match is not None:
         write_result(given.save_match, found, shapes)
     return found
