@@ -2,6 +2,7 @@
 
 import csv
 import sys
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -26,6 +27,17 @@ def shapes(blob: Mesh):
         Mesh(blob.vertices * [1, 1, 1 + 0.1 * i] @ turn + i, blob.faces, name=f"s{i}")
         for i, turn in enumerate(turns)
     ]
+
+
+def test_a_mean_takes_a_few_times_the_memory_of_the_positions():
+    ball = make_sphere(4)
+    several = [registered(Mesh(ball.vertices * (1 + 0.01 * i), ball.faces)) for i in range(50)]
+    size = 50 * ball.vertices.nbytes
+    tracemalloc.start()
+    mean_shape(several, ball, n_components=2)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 5.5 * size
 
 
 def registered(mesh, confidence=0.9, coverage=1.0, name=None):

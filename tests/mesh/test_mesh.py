@@ -30,6 +30,16 @@ def test_is_frozen_and_keeps_its_own_copy():
         mesh.name = "other"
 
 
+def test_meshes_share_the_faces_of_a_mesh_and_no_others():
+    mesh = Mesh(VERTICES, FACES)
+    assert Mesh(2 * VERTICES, mesh.faces).faces is mesh.faces
+    faces = FACES.astype(np.int64)
+    view = faces[:]
+    view.setflags(write=False)
+    for given in (faces, view, mesh.faces[::-1]):
+        assert not np.shares_memory(Mesh(VERTICES, given).faces, given)
+
+
 def test_faces_are_frozen_and_rows_lie_in_order():
     mesh = Mesh(np.asfortranarray(VERTICES), np.asfortranarray(FACES))
     with pytest.raises(ValueError, match="read-only"):

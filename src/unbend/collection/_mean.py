@@ -139,10 +139,11 @@ def mean_shape(
         why = f"; {left_out[0].path} was left out: {left_out[0].reason}" if left_out else ""
         raise InputError(f"statistics need at least 2 shapes, and {len(kept)} are left{why}")
     weights = vertex_areas(template)
-    placed = []  # as the template is, so that the mean is, too
-    for points in (one.mesh.vertices for one in kept):
+    placed = np.empty((len(kept), *template.vertices.shape))
+    for i, points in enumerate(one.mesh.vertices for one in kept):
+        # As the template is, so that the mean is, too.
         turn, _ = procrustes(points, template.vertices, weights=weights, reflect=False)
-        placed.append(points @ turn.T)
+        placed[i] = points @ turn.T
     statistics = shape_statistics(placed, weights=weights, n_components=n_components, scale=scale)
     names = tuple(one.mesh.name for one in kept)
     least, most = int(statistics.sizes.argmin()), int(statistics.sizes.argmax())

@@ -123,7 +123,7 @@ def shape_statistics(
     >>> bool(found.variances[0] > 0.999 * found.total_variance)
     True
     """
-    points = numbers_of(shapes, "shapes").copy()
+    points = numbers_of(shapes, "shapes")
     if points.ndim != 3 or points.shape[2] != 3:
         raise InputError(f"shapes must have shape (n_shapes, n, 3), not {points.shape}")
     if len(points) < 2:
@@ -141,12 +141,11 @@ def shape_statistics(
     if (infinite & counted).any():
         shape, point = np.argwhere(infinite & counted)[0]
         raise InputError(f"shape {shape}: point {point} is not finite; give it weight 0 or a place")
-    points[~counted & ~(np.abs(points) < _MOST_SIZE).all(axis=2)] = np.nan
-
-    points -= (share @ points[:, counted])[:, None]
-    solid = points[:, counted]
+    adrift = ~counted & ~(np.abs(points) < _MOST_SIZE).all(axis=2)
+    points = points - (share @ points[:, counted])[:, None]
+    points[adrift] = np.nan
     with np.errstate(over="ignore"):
-        sizes = np.sqrt(np.einsum("v,svk,svk->s", share, solid, solid))
+        sizes = np.sqrt(np.einsum("v,svk->s", share, points[:, counted] ** 2))
     if not (sizes > 0).all():
         raise InputError(f"shape {int(sizes.argmin())} is a single point")
     wrong = ~((sizes > _LEAST_SIZE) & (sizes < _MOST_SIZE))
@@ -158,24 +157,24 @@ def shape_statistics(
     if scale:
         points *= (sizes.mean() / sizes)[:, None, None]
     mean = _fit_together(points, mass)
-    offsets = points - mean
-    variability = np.sqrt((offsets**2).sum(axis=(0, 2)) / most)
+    points -= mean
+    variability = np.sqrt(np.einsum("svd,svd->v", points, points) / most)
 
     # As many numbers as shapes decide: the eigenvectors of their inner products.
-    rows = (offsets[:, counted] * np.sqrt(share / most)[:, None]).reshape(len(points), -1)
+    rows = (points[:, counted] * np.sqrt(share / most)[:, None]).reshape(len(points), -1)
     values, shares = np.linalg.eigh(rows @ rows.T)
     values, shares = values[::-1], shares[:, ::-1]
     extent = float(share @ (mean[counted] ** 2).sum(axis=1))
     real = min(kept, most, int((values > _NOTHING * extent).sum()))
     values, shares = values[:real], shares[:, :real]
-    components = np.einsum("sk,svd->kvd", shares, offsets) / np.sqrt(most)
+    components = np.einsum("sk,svd->kvd", shares, points) / np.sqrt(most)
     outward = np.einsum("v,kvd,vd->k", share, components[:, counted], mean[counted])
     signs = np.where(outward < 0, -1.0, 1.0)
     return Statistics(
         mean=mean,
         components=components * signs[:, None, None],
         variances=values,
-        total_variance=float((rows**2).sum()),
+        total_variance=float(np.vdot(rows, rows)),
         scores=shares * signs * np.sqrt(most),
         variability=variability,
         sizes=sizes,

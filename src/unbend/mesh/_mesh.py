@@ -129,7 +129,9 @@ def _face_array(faces: Any, n_vertices: int, name: str) -> IntArray:
         )
     if not np.issubdtype(array.dtype, np.integer):
         raise MeshError(f"{name}: faces must be whole numbers (vertex indices), not {array.dtype}")
-    faces = array.astype(np.int64, order="C")
+    # Faces of another mesh are shared: they never change.
+    may_change = array.flags.writeable or array.base is not None
+    faces = array.astype(np.int64, order="C", copy=may_change)
     outside = (faces < 0) | (faces >= n_vertices)
     if outside.any():
         face = np.flatnonzero(outside)[0] // 3
