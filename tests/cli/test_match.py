@@ -20,7 +20,7 @@ from unbend.cli.match import summary
 from unbend.correspondence import read_match, write_match
 from unbend.datasets import make_quadruped, make_sphere, rest_map
 from unbend.io import read_map, read_values, write_map, write_values
-from unbend.matching import Match
+from unbend.matching import Hypothesis, Match
 from unbend.report import match_colors
 
 SOURCE = make_quadruped("standing", n_vertices=800)
@@ -159,11 +159,13 @@ def test_fewer_maps_than_asked_for_are_told(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found = read_match(folder / "ab.npz")
-    found = replace(found, alternatives=(found,))
+    tried = Hypothesis(0.1, 1.0), Hypothesis(0.1, 1.0, 0.025)
+    found = replace(found, alternatives=(found,), confidence=0.8, hypotheses=tried)
     monkeypatch.setattr("unbend.match", lambda *shapes, **options: found)
     given = ["match", folder / "a.ply", folder / "b.ply", "-o", tmp_path / "map.csv"]
     done = right(*given, "--n-matches", 4)
     assert "note: 2 distinct maps found, not 4\n" in done.stderr
+    assert "a map 2.5% of the size away, on average\n" in done.stdout
     assert sorted(path.name for path in tmp_path.iterdir()) == ["map-2.csv", "map.csv"]
     assert "distinct" not in right(*given, "--n-matches", 2).stderr
 

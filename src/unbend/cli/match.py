@@ -116,7 +116,11 @@ def match(
     inputs.show_match(shapes, found, figure, report, up=up, truth=known, landmarks=hints)
     output.warn_if_doubtful(found, seen=report is not None)
     median, within_95 = found.expected_error_quantiles()
-    others = [f"or, at confidence {one.confidence:.2f}, another map" for one in found.alternatives]
+    others = [
+        f"or, at confidence {one.confidence:.2f}, a map {tried.difference:.1%} of the size away, "
+        "on average"
+        for one, tried in zip(found.alternatives, found.hypotheses[1:], strict=False)
+    ]
     output.tell(
         {
             "source": source,
