@@ -188,6 +188,18 @@ def test_points_pair_by_label_or_else_by_order(tmp_path: Path) -> None:
         pair(tmp_path, ["a", "b"], ["c", "d", "e"])
 
 
+def test_files_that_fit_the_meshes_the_other_way_round_are_refused(tmp_path: Path) -> None:
+    ball = make_sphere(3)
+    inner, outer = Mesh(ball.vertices, name="inner"), Mesh(1.05 * ball.vertices, name="outer")
+    paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    for path, mesh in zip(paths, (inner, outer), strict=True):
+        np.savetxt(path, mesh.vertices[[5, 100, 300]], delimiter=",")
+    assert read_markup_pairs(paths, inner, outer)[1].tolist() == [[5, 5], [100, 100], [300, 300]]
+    told = r"a\.csv fits inner and .*b\.csv fits outer: give the files .* the other way round"
+    with pytest.raises(FileError, match=told):
+        read_markup_pairs(paths, outer, inner)
+
+
 def test_points_that_only_one_file_has_are_left_out_and_named(tmp_path: Path) -> None:
     with pytest.warns(UnbendWarning) as told:
         assert pair(tmp_path, ["nose", "tail"], ["ear", "nose"]) == [[0, 1]]

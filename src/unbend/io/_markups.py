@@ -15,20 +15,21 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from unbend._text import plural
-from unbend._types import IntArray, StrPath
+from unbend._types import FloatArray, IntArray, StrPath
 from unbend.errors import FileError, InputError, warn
 from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes
 from unbend.io._foreign import MeshLike
 from unbend.io._meshes import as_mesh
 from unbend.io.formats.contents import are_numbers, data_lines, misfit, text_lines
-from unbend.mesh import used_vertices, vertex_ids
+from unbend.mesh import Mesh, used_vertices, vertex_ids
 
 MARKUP_SUFFIXES = (".json", ".fcsv")
 _TABLES = (".csv", ".txt", ".pts")
 # Of the diagonal of the mesh's bounding box: how far from the mesh a point may be, and how far from
 # the vertex that it is described as unless it has been moved.
 _FARTHEST, _MOVED = 0.03, 1e-3
-_CLOSER = 3.0  # times that points are if x and y are negated, from which on axes are confused
+# So many times closer points are on other axes, or to the other of two meshes, if those are meant.
+_CLOSER, _CLOSER_TO_OTHER = 3.0, 2.0
 _SCHEMA = (
     "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/"
     "Resources/Schema/markups-schema-v1.0.3.json#"
@@ -69,14 +70,14 @@ def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
         Of points that lie elsewhere than the vertices they are described as, and of points at
         different places that are one vertex.
     """
-    path, mesh = Path(path), as_mesh(mesh)
+    labels, vertices, _ = _read(Path(path), as_mesh(mesh))
+    return labels, vertices
+
+
+def _read(path: Path, mesh: Mesh) -> tuple[list[str], IntArray, FloatArray]:
+    """Read landmarks as :func:`read_markups` does, and where they are in the file."""
     data, suffix = read_bytes(path, (*MARKUP_SUFFIXES, *_TABLES)), path.suffix.lower()
-    used = used_vertices(mesh)
-    there = np.flatnonzero(np.isfinite(used).all(axis=1))
-    if not len(there):
-        raise InputError(f"{mesh.name} has no vertices to be landmarks")
-    tree = cKDTree(used[there])
-    size = np.linalg.norm(np.ptp(used[there], axis=0))
+    there, tree, size = _search(mesh)
     vertices, away, n_moved = [], [], 0
     with prefixed(path.name):
         try:
@@ -133,7 +134,22 @@ def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
             f"{path.name}: {plural(n_moved, 'point')} not at the vertices they are described as: "
             "taken where they lie"
         )
-    return [label for label, _, _ in points], np.array(vertices, dtype=np.int64)
+    return [label for label, _, _ in points], np.array(vertices, dtype=np.int64), places
+
+
+def _search(mesh: Mesh) -> tuple[IntArray, cKDTree, float]:
+    """Vertices that may be landmarks, a tree of their positions, and the size of the mesh."""
+    used = used_vertices(mesh)
+    there = np.flatnonzero(np.isfinite(used).all(axis=1))
+    if not len(there):
+        raise InputError(f"{mesh.name} has no vertices to be landmarks")
+    return there, cKDTree(used[there]), float(np.linalg.norm(np.ptp(used[there], axis=0)))
+
+
+def _off(points: FloatArray, mesh: Mesh) -> float:
+    """Mean distance of points from a mesh, as a share of its size."""
+    _, tree, size = _search(mesh)
+    return float(tree.query(points)[0].mean()) / (size or 1.0)
 
 
 def read_markup_pairs(
@@ -144,13 +160,20 @@ def read_markup_pairs(
     Points are paired by label, in any case, if the files have labels in common, and left out with a
     warning if only one has theirs; otherwise by order, with a warning if they are named.
 
-    Raises FileError if a file cannot be read; InputError if their points do not pair.
+    Raises FileError if a file cannot be read, or the files fit the meshes far better the other way
+    round; InputError if their points do not pair.
     """
     if len(paths) != 2:
         raise InputError(f"landmarks of two meshes need two files, not {len(paths)}")
-    (labels, first), (others, second) = (
-        read_markups(path, mesh) for path, mesh in zip(paths, (source, target), strict=True)
-    )
+    a, b = as_mesh(source), as_mesh(target)
+    labels, first, on_a = _read(Path(paths[0]), a)
+    others, second, on_b = _read(Path(paths[1]), b)
+    off = _off(on_a, a) + _off(on_b, b)
+    if off > _MOVED and _off(on_a, b) + _off(on_b, a) < off / _CLOSER_TO_OTHER:
+        raise FileError(
+            f"{paths[0]} fits {b.name} and {paths[1]} fits {a.name}: give the files of landmarks "
+            "the other way round"
+        )
     keys, its = labels, others
     if set(labels) != set(others):
         keys, its = ([label.strip().casefold() for label in one] for one in (labels, others))
