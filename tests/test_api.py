@@ -152,7 +152,7 @@ def test_every_public_name_can_be_had_from_a_core_install():
         (lambda out: retrieval_measures(["a", "b"], TABLE), "distances: needs real numbers"),
         (lambda out: retrieval_measures(TABLE, None), "labels must be lists, with one"),
         (lambda out: retrieval_measures(TABLE, TABLE), "labels must be lists, with one"),
-        (lambda out: find_groups(TABLE, 2.5), "make 1 to 3 groups, not 2.5"),
+        (lambda out: find_groups(TABLE, 2.5), "from 1 to 3, the number of shapes, not 2.5"),
         (lambda out: find_groups(RAGGED), "distances: rows have different lengths"),
         (lambda out: unbend.write_mesh(out, BALL, scalars={3: EVERY}), "3 cannot name values"),
         (lambda out: unbend.write_mesh(out, BALL, scalars={"a": ["x"] * N}), "scalars 'a': needs"),

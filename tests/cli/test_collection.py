@@ -104,6 +104,7 @@ def test_identical_files_show_as_one_shape(folder: Path, tmp_path: Path) -> None
     assert sorted(group) == sorted(every)
     with open(tmp_path / "out.csv", newline="") as file:
         assert [row["path"] for row in csv.DictReader(file)] == sorted(every)
+    assert "next:" not in run("groups", store).stdout  # of two shapes no number stands out
     rows = run("info", store).stdout.splitlines()
     assert [row.split() for row in rows[:2]] == [["shapes", "2"], ["files", "4"]]
     assert json_of("export", store, "-o", tmp_path / "out.csv")["n_rows"] == 4

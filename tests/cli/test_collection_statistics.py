@@ -46,6 +46,7 @@ def test_evaluate_measures_the_labelled(shapes, labels):
     assert (found["n_shapes"], found["n_classes"]) == (4, 2)
     told = run("evaluate", shapes / "shapes", labels)
     assert f"first tier         {expected.first_tier:.1%}" in told.stdout
+    assert "shapes             4\nclasses            2\n" in told.stdout
 
 
 def test_evaluate_says_that_one_class_measures_nothing(shapes, labels):

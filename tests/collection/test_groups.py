@@ -25,7 +25,7 @@ def test_as_many_as_asked_for() -> None:
     table = cdist(POINTS, POINTS)
     for n in (1, 2, 5, 19):
         assert len(np.unique(find_groups(table, n))) == n
-    with pytest.raises(InputError, match="19 shapes make 1 to 19 groups, not 20"):
+    with pytest.raises(InputError, match="from 1 to 19, the number of shapes, not 20"):
         find_groups(table, 20)
 
 

@@ -52,7 +52,8 @@ def find_groups(distances: FloatArray, n_groups: int | None = None) -> IntArray:
     distances = np.atleast_1d(numbers_of(distances, "distances"))
     n = len(distances)
     if n_groups is not None and not (is_whole(n_groups) and 1 <= n_groups <= n):
-        raise InputError(f"{n} shapes make 1 to {n} groups, not {n_groups!r}")
+        bounds = f"from 1 to {n:,}, the number of shapes"
+        raise InputError(f"n_groups must be a whole number {bounds}, not {n_groups!r}")
     if distances.shape != (n, n) or not (np.isfinite(distances) & (distances >= 0)).all():
         raise InputError("distances must be a square table of finite numbers, none negative")
     skew = np.abs(distances - distances.T).max(initial=0) + distances.diagonal().max(initial=0)

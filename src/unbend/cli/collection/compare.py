@@ -146,7 +146,9 @@ def groups(
     lines = []
     for number, some in enumerate(members):
         lines += [f"group {number}: {len(some):,}", *(f"  {shown_shape(one)}" for one in some)]
-    guess = None if n else f"-n N for another number of groups; {len(members)} stand out most"
+    guess = None
+    if n is None and len(entries) > 2:  # fewer make one group by default, and nothing is chosen
+        guess = f"-n N for another number of groups; {len(members)} stand out most"
     tell({"store": store, "groups": paths}, lines, written=[csv], report=report, next_step=guess)
 
 
@@ -180,6 +182,6 @@ def evaluate(store: str, labels: str) -> None:
     lines = dict(zip(heads, values, strict=True))
     curve = [f"{measured.precision[i]:.0%} at {measured.recall[i]:.0%}" for i in (4, 9, 14, 19)]
     lines["precision"] = f"{' recall, '.join(curve)} recall"
-    lines["shapes"] = f"{len(classes):,} of {len(set(classes)):,} classes"
+    lines |= {"shapes": f"{len(classes):,}", "classes": f"{len(set(classes)):,}"}
     counts = {"n_shapes": len(classes), "n_classes": len(set(classes))}
     tell({"store": store, **measured.to_dict(), **counts}, output.rows(lines))
