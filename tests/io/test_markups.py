@@ -215,6 +215,16 @@ def test_labels_pair_in_any_case(tmp_path: Path) -> None:
         pair(tmp_path, ["Nose", "nose", "tail"], ["nose", "tail", "ear"])
 
 
+def test_labels_of_several_points_pair_by_order_only_if_both_files_have_them_alike(
+    tmp_path: Path,
+) -> None:
+    assert pair(tmp_path, ["tail", "tail"], ["tail", "tail"]) == [[0, 0], [1, 1]]
+    with pytest.raises(InputError, match="do not both have one point 'tail'"):
+        pair(tmp_path, ["tail", "tail", "nose"], ["nose", "tail", "ear"])
+    with pytest.raises(InputError, match=r"2 points, .* 3: they must be pairs"):
+        pair(tmp_path, ["", ""], ["", "", ""])
+
+
 def test_labels_that_have_nothing_in_common_are_told(tmp_path: Path) -> None:
     with pytest.warns(UnbendWarning, match=r"no label in common.* paired by order"):
         assert pair(tmp_path, ["nose", "tail"], ["Nase", "Schwanz"]) == [[0, 0], [1, 1]]

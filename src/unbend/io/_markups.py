@@ -158,7 +158,8 @@ def read_markup_pairs(
     """Read landmarks from a file for each of two meshes: labels of the first, and vertices (l, 2).
 
     Points are paired by label, in any case, if the files have labels in common, and left out with a
-    warning if only one has theirs; otherwise by order, with a warning if they are named.
+    warning if only one has theirs; otherwise, or if the labels of both are the same in the same
+    order, by order, with a warning if the names differ.
 
     Raises FileError if a file cannot be read, or the files fit the meshes far better the other way
     round; InputError if their points do not pair.
@@ -177,8 +178,8 @@ def read_markup_pairs(
     keys, its = labels, others
     if set(labels) != set(others):
         keys, its = ([label.strip().casefold() for label in one] for one in (labels, others))
-    in_common = bool(set(keys) & set(its))
-    if in_common and len(set(labels)) == len(labels):
+    in_common = bool(set(keys) & set(its) - {""})
+    if in_common and labels != others:
         for key, label in zip((*keys, *its), (*labels, *others), strict=True):
             if keys.count(key) > 1 or its.count(key) > 1:
                 raise InputError(f"{paths[0]} and {paths[1]} do not both have one point {label!r}")
