@@ -20,7 +20,7 @@ from unbend.preparation import prepare
 _FOLDER = Path(tempfile.mkdtemp(dir="/dev/shm" if os.path.isdir("/dev/shm") else None))
 _MESHES = (".off", ".obj", ".ply", ".stl", ".xyz", ".npy", ".vtk")
 _MAPS = (".txt", ".csv", ".vts", ".npy")
-_MARKUPS = (".json", ".fcsv", ".csv", ".txt", ".pts")
+_MARKUPS = (".json", ".fcsv", ".csv", ".txt", ".pts", ".pp")
 _VALUES = (".csv", ".txt", ".npy", ".ply", ".obj")
 _N = 42  # vertices that maps and values are for
 _POINTS = np.arange(3.0 * _N).reshape(-1, 3)

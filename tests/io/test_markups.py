@@ -100,6 +100,7 @@ def test_fcsv(tmp_path: Path, axes: str | None, sign: int) -> None:
         ("a.csv", "name;z;y;x\nnose;1;1;3\ntail;3;3;1\n", ["nose", "tail"]),
         ("a.csv", "id,Label,X,Y,Z\n7,nose,3,1,1\n8,tail,1,3,3\n", ["nose", "tail"]),
         ("a.csv", '"","x","y","z"\n"nose",3,1,1\n"tail",1,3,3\n', ["nose", "tail"]),  # R
+        ("a.csv", ",Landmark,X,Y,Z\n1,nose,3,1,1\n2,tail,1,3,3\n", ["nose", "tail"]),
         ("a.txt", "3 1 1\n 1\t3   3\n", ["", ""]),
         ("a.txt", "nose, 3, 1, 1\ntail, 1, 3, 3\n", ["nose", "tail"]),
         ("a.pts", "Version 1.0\n2\nS000 3 1 1\nS001 1 3 3\n", ["S000", "S001"]),
@@ -156,6 +157,38 @@ def test_what_does_not_fit_is_refused(tmp_path: Path, text: str, problem: str) -
     path.write_text(text)
     with pytest.raises(FileError, match=problem):
         read_markups(path, CUBE)
+
+
+def picked(*points: str) -> str:
+    return f"<!DOCTYPE PickedPoints>\n<PickedPoints>\n{''.join(points)}</PickedPoints>\n"
+
+
+def test_points_picked_in_meshlab(tmp_path: Path) -> None:
+    (tmp_path / "a.pp").write_text(
+        picked(
+            '<point name="nose &quot;L>&quot;" active="1" x="3" y="1" z="1"/>\n',
+            '<point z="9" y="9" x="9" active="0" name="ear"/>\n',  # not placed
+            '<point z="3" y="3" x="1" active="1" name="tail"/>\n',
+        )
+    )
+    labels, vertices = read_markups(tmp_path / "a.pp", CUBE)
+    assert (labels, vertices.tolist()) == (['nose "L>"', "tail"], [4, 3])
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (picked(), "holds no points"),
+        (picked('<point name="nose" x="3" y="1"/>'), "not a landmark file of MeshLab"),
+        (picked('<point name="nose" x="3" y="1" z="1"/>')[:-9], "not a landmark file of MeshLab"),
+        (picked('<point name="nose" x="9" y="9" z="9"/>'), "'nose' is 10.4 from mesh"),
+        ("3,1,1\n", "not a landmark file of MeshLab"),
+    ],
+)
+def test_damaged_points_of_meshlab_are_refused(tmp_path: Path, text: str, problem: str) -> None:
+    (tmp_path / "a.pp").write_text(text)
+    with pytest.raises(FileError, match=problem):
+        read_markups(tmp_path / "a.pp", CUBE)
 
 
 def test_a_mesh_without_vertices_has_no_place_for_landmarks(tmp_path: Path) -> None:

@@ -109,7 +109,7 @@ def landmarks_of(
     if len(paths) > 2 or paths[0].lower().endswith((*unbend.io.MARKUP_SUFFIXES, ".pts")):
         raise InputError(
             "--landmarks takes one .csv file of vertex pairs, or is given twice: a .mrk.json, "
-            ".fcsv or .csv file of points for the source, then one for the target"
+            ".fcsv, .pp or .csv file of points for the source, then one for the target"
         )
     return unbend.io.read_landmarks(paths[0], source.n_vertices, target.n_vertices)
 

@@ -115,7 +115,8 @@ HELP = {
     "a part; auto: either; none: every point gets a partner.",
     "landmarks": "Landmarks: a .csv file, on each line a source vertex and a target vertex, "
     "counted from 0, or the other way round below the names target,source; or, given twice, a "
-    "file of points for each shape: .mrk.json or .fcsv of 3D Slicer, or a table of x,y,z.",
+    "file of points for each shape: .mrk.json or .fcsv of 3D Slicer, .pp of MeshLab, or a table of "
+    "x,y,z.",
     "property_name": "Which values of a mesh file: a property of its vertices.",
     "save_match": "Keep the match that was made, as unbend match -o does.",
     "min_confidence": "If the match's confidence is below X, write no file and exit with code 3.",

@@ -30,8 +30,8 @@ def transfer(
     """Transfer values from source to target: numbers are averaged, labels by majority.
 
       values: A row per source vertex (.npy, .csv, .txt): numbers, labels, weights, colours; a mesh
-          with such values (.ply, .obj ...); or landmarks (.mrk.json, .fcsv, or a table of x,y,z
-          if `out` is .mrk.json).
+          with such values (.ply, .obj ...); or landmarks (.mrk.json, .fcsv, .pp, or a table of
+          x,y,z if `out` is .mrk.json).
       out: .npy, .csv or .txt: a row per target vertex; .ply, .vtp: the target with the values;
           .obj, .glb: the target with colours or texture coordinates. Numbers and labels are
           coloured, for Blender and MeshLab. Landmarks: .mrk.json.

@@ -1,4 +1,4 @@
-"""Landmarks as points with labels: .mrk.json and .fcsv files of 3D Slicer, tables of x, y, z."""
+"""Landmarks as points with labels: files of 3D Slicer and MeshLab, tables of x, y, z."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import numpy.typing as npt
@@ -23,8 +24,9 @@ from unbend.io._meshes import as_mesh
 from unbend.io.formats.contents import are_numbers, data_lines, misfit, text_lines
 from unbend.mesh import Mesh, used_vertices, vertex_ids
 
-MARKUP_SUFFIXES = (".json", ".fcsv")
+MARKUP_SUFFIXES = (".json", ".fcsv", ".pp")
 _TABLES = (".csv", ".txt", ".pts")
+_LABELS = ("label", "name", "landmark")
 # Of the diagonal of the mesh's bounding box: how far from the mesh a point may be, and how far from
 # the vertex that it is described as unless it has been moved.
 _FARTHEST, _MOVED = 0.03, 1e-3
@@ -34,21 +36,22 @@ _SCHEMA = (
     "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/"
     "Resources/Schema/markups-schema-v1.0.3.json#"
 )
+_DAMAGE = (ValueError, LookupError, TypeError, AttributeError, RecursionError, csv.Error)
 # Slicer's older files have numbers for their axes.
 _FLIPS = {"LPS": 1, "RAS": -1, "1": 1, "0": -1}
 
 
 def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
-    """Read landmarks that 3D Slicer, unbend or another program placed on a mesh.
+    """Read landmarks that 3D Slicer, MeshLab, unbend or another program placed on a mesh.
 
     Parameters
     ----------
     path : path
         A .mrk.json or .fcsv file. A point described as ``vertex 123`` is that vertex if it lies
         there; any other is moved to the nearest vertex. Points in RAS are turned to LPS, in which
-        Slicer writes meshes. Or a .csv, .txt or .pts table: x, y and z in each row, perhaps after a
-        label, or in columns of these names, with a label in the first or in one called label or
-        name.
+        Slicer writes meshes. Or a .pp file of MeshLab, without the points that are not active. Or
+        a .csv, .txt or .pts table: x, y and z in each row, perhaps after a label, or in columns of
+        these names, with a label in the first or in one called label, name or landmark.
     mesh : mesh-like
         The mesh with the points on it.
 
@@ -84,11 +87,12 @@ def _read(path: Path, mesh: Mesh) -> tuple[list[str], IntArray, FloatArray]:
             if suffix in _TABLES:
                 points = _table(data, suffix)
             else:
-                points = _fcsv(data) if suffix == ".fcsv" else _mrk_json(data)
+                points = {".json": _mrk_json, ".fcsv": _fcsv, ".pp": _pp}[suffix](data)
         except FileError:
             raise
-        except (ValueError, LookupError, TypeError, AttributeError, RecursionError, csv.Error) as e:
-            raise FileError("not a landmark file of 3D Slicer, or a damaged one") from e
+        except (*_DAMAGE, ElementTree.ParseError) as e:
+            program = "MeshLab" if suffix == ".pp" else "3D Slicer"
+            raise FileError(f"not a landmark file of {program}, or a damaged one") from e
         if not points:
             raise FileError("holds no points")
         for i, (label, description, position) in enumerate(points):
@@ -256,6 +260,16 @@ def _fcsv(data: bytes) -> list[_Point]:
     return [_point(row[11], row[12], row[1:4], axes[0] if axes else "RAS") for row in rows]
 
 
+def _pp(data: bytes) -> list[_Point]:
+    """Elements with a name, x, y, z, and active="0" where a point has not been placed."""
+    points = ElementTree.fromstring("\n".join(text_lines(data, "PP"))).iter("point")
+    return [
+        _point(one.get("name", ""), "", [one.attrib[axis] for axis in "xyz"], "LPS")
+        for one in points
+        if one.get("active") != "0"
+    ]
+
+
 def _table(data: bytes, suffix: str) -> list[_Point]:
     """Rows of x, y, z, perhaps after a label, or columns of these names; IDAV's .pts likewise."""
     lines = data_lines(data, suffix[1:])
@@ -275,7 +289,7 @@ def _table(data: bytes, suffix: str) -> list[_Point]:
     at, label, first = [-3, -2, -1], 0, 0
     if {"x", "y", "z"} <= set(names):
         at, first = [names.index(axis) for axis in "xyz"], 1
-        label = next((i for i, name in enumerate(names) if name in ("label", "name")), 0)
+        label = next((i for i, name in enumerate(names) if name in _LABELS), 0)
     labelled = len(names) > 3 and label not in at
     points = []
     for i, row in enumerate(rows[first:]):
