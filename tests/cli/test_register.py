@@ -119,6 +119,7 @@ def test_many_scans_are_fitted_into_a_folder_and_a_bad_one_is_listed(folder: Pat
     assert told["scans"][0]["also"] == [str(folder / "scans" / "copy.ply")]
     assert [one["file"] for one in told["scans"]] == [str(Path("out", fitted[1].name))]
     assert told["scans"][0]["n_vertices"] == 162
+    assert "registered 1, there before 0" in run(*given, "--partial", "none").stdout
 
 
 @pytest.mark.parametrize(

@@ -226,6 +226,27 @@ def test_new_landmarks_register_a_shape_again_and_only_that_and_stay_until_other
 
 
 @OF_OTHERS
+def test_what_may_be_partial_is_passed_on_and_shapes_are_registered_again_if_it_changes(
+    own: tuple[Collection, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    collection, out = own
+    (walking,) = (one.path for one in collection if one.path.endswith("walking.off"))
+    asked = []
+
+    def matched(*shapes: Mesh, **options: Any) -> Any:
+        asked.append(options["partial"])
+        return match(*shapes, **options)
+
+    monkeypatch.setattr(_registering, "match", matched)
+    for partial, registered in (("auto", 0), ("none", 1), ("none", 0), ("auto", 1)):
+        done = register_files([walking], str(out / "template.obj"), str(out), partial)
+        assert (done.registered, done.skipped) == (registered, 1 - registered)
+    assert asked == ["none", "auto"]
+    with pytest.raises(InputError, match=r"partial must be one of auto, none, .* not 'all'"):
+        collection.register(out / "template.obj", out, partial="all", workers=0)
+
+
+@OF_OTHERS
 def test_a_registered_shape_whose_file_changed_or_is_gone_fails(made: Path, tmp_path: Path) -> None:
     shutil.copytree(made / "out", tmp_path / "out")
     shutil.copytree(made / "scans", tmp_path / "scans")

@@ -45,16 +45,19 @@ def register(
 
     $ unbend register template.ply scan.ply -o fitted.ply
     $ unbend register template.ply scans/ -o fitted
+    $ unbend register leaf.ply leaves/ --partial none -o fitted
     $ unbend register template.obj scan.stl --map template_scan.npz -o fitted.obj
     $ unbend register template.ply torn.ply --partial target --save-match map.npz -o fitted.ply
     $ unbend register template.ply scan.ply --landmarks hints.csv -o fitted.glb
     $ unbend register template.ply scan.ply --min-confidence 0.7 -o fitted.ply --json
     """
     paths = expand_folders(scans)
-    of_one = vars(matching) | {"component": component, "report": report}
+    of_one = vars(matching) | {"component": component, "report": report, "partial": None}
     if is_batch(scans, paths, out, of_one):
         output.progress("reading", 0)
-        done = unbend.collection.register_files(paths, template, out, output.progress)
+        done = unbend.collection.register_files(
+            paths, template, out, matching.partial, output.progress
+        )
         _, fitted, _ = unbend.collection.read_registrations(out)
         of_all = [
             _numbers(row.path, os.path.join(out, row.file), one, row.also)

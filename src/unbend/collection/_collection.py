@@ -13,7 +13,7 @@ from unbend._arrays import check_whole
 from unbend._memory import available_memory
 from unbend._text import plural
 from unbend._types import FloatArray, Progress, StrPath
-from unbend.choices import Rerank
+from unbend.choices import Partial, Rerank
 from unbend.collection._adding import add_files
 from unbend.collection._descriptor import describe, make_basis, sample_form
 from unbend.collection._engine import engine
@@ -306,6 +306,7 @@ class Collection:
         out: StrPath,
         *,
         landmarks: Mapping[str, npt.ArrayLike] | None = None,
+        partial: Partial = "auto",
         workers: int | None = None,
         scheduler: str | None = None,
         progress: Progress | None = None,
@@ -331,6 +332,9 @@ class Collection:
             For names of shapes, vertices of the template and of the shape that correspond. A shape
             whose landmarks have changed is registered again. One that is not named keeps those it
             was registered with; an empty list removes them.
+        partial : {"auto", "none", "source", "target", "both"}, default="auto"
+            Whether the template, the source, or the shapes may be partial, see
+            :func:`unbend.match`. Shapes that were registered otherwise are registered again.
         workers, scheduler, progress
             See :meth:`add`.
 
@@ -347,7 +351,9 @@ class Collection:
             to another template.
         """
         processes = engine(workers=workers, scheduler=scheduler)
-        return register_collection(self._store, template, out, landmarks or {}, processes, progress)
+        return register_collection(
+            self._store, template, out, landmarks or {}, partial, processes, progress
+        )
 
     def thumbnail(self, name: str) -> bytes:
         """Picture of a shape as a small PNG file; empty for a point cloud."""

@@ -9,7 +9,7 @@ import time
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 from zipfile import BadZipFile
 
 import numpy as np
@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from unbend._text import plural, quoted
 from unbend._types import IntArray, Progress, StrPath
+from unbend.choices import Partial
 from unbend.collection._engine import Engine, attempt_all, engine
 from unbend.collection._files import (
     ID_DIGITS,
@@ -52,6 +53,7 @@ class Task(NamedTuple):
     store: str | None  # path of the collection; None for a file of its own
     template: Path
     landmarks: IntArray
+    partial: Partial
     mesh: Path
     result: Path
 
@@ -65,6 +67,7 @@ def register_collection(
     template: StrPath,
     out: StrPath,
     landmarks: Mapping[str, npt.ArrayLike],
+    partial: Partial,
     workers: Engine,
     progress: Progress | None,
 ) -> Registered:
@@ -84,11 +87,15 @@ def register_collection(
             raise InputError(f"landmarks: {name} is named twice; put its landmarks together")
         known[one.id] = landmark_pairs(pairs, f"landmarks of {name}")
     shapes = sorted(store.entries(), key=lambda one: one.path)
-    return _register(shapes, template, out, known, (), store.path, workers, progress)
+    return _register(shapes, template, out, known, partial, (), store.path, workers, progress)
 
 
 def register_files(
-    paths: Sequence[str], template: str, out: str, progress: Progress | None = None
+    paths: Sequence[str],
+    template: str,
+    out: str,
+    partial: Partial = "auto",
+    progress: Progress | None = None,
 ) -> Registered:
     """Register a template to files, in this process; identical files are one shape.
 
@@ -113,7 +120,8 @@ def register_files(
     shapes = [
         Entry(digest, path, 0, 0, 0, "", tuple(also)) for digest, (path, *also) in files.items()
     ]
-    return _register(shapes, template, out, {}, failures, None, engine(workers=0), progress)
+    processes = engine(workers=0)
+    return _register(shapes, template, out, {}, partial, failures, None, processes, progress)
 
 
 def _register(
@@ -121,12 +129,15 @@ def _register(
     template: StrPath,
     out: StrPath,
     landmarks: Mapping[str, IntArray],  # by id
+    partial: Partial,
     failures: Sequence[Failure],
     store: str | None,
     workers: Engine,
     progress: Progress | None,
 ) -> Registered:
     start, began = time.monotonic(), time.time()
+    if partial not in get_args(Partial):
+        raise InputError(f"partial must be one of {', '.join(get_args(Partial))}, not {partial!r}")
     mesh = read_mesh(template)
     check_template(mesh)
     prepare_spectrum(mesh)  # before anything is written: the template may be unusable
@@ -140,10 +151,10 @@ def _register(
     tasks, left, done = [], [], []
     for one, name in zip(shapes, names, strict=True):
         files = folder / f"{name}{suffix}", folder / REGISTRATIONS / f"{name}.npz"
-        before = _landmarks(files[1])
-        pairs = landmarks.get(one.id, _NONE if before is None else before)
-        tasks.append(Task(one, store, original, pairs, *files))
-        if before is not None and np.array_equal(before, pairs) and files[0].exists():
+        before, of_parts = _given(files[1])
+        pairs = landmarks.get(one.id, before)
+        tasks.append(Task(one, store, original, pairs, partial, *files))
+        if of_parts == partial and np.array_equal(before, pairs) and files[0].exists():
             done.append(one)
         else:
             left.append(tasks[-1])
@@ -202,13 +213,14 @@ def _follow(folder: Path, suffix: str, names: Sequence[str]) -> None:
                     old.unlink(missing_ok=True)
 
 
-def _landmarks(result: Path) -> IntArray | None:
-    """Landmarks that a shape was registered with; None where it was not, or nobody can tell."""
+def _given(result: Path) -> tuple[IntArray, str | None]:
+    """Landmarks and `partial` of a registered shape; None if it is not, or nobody can tell."""
     try:
         with np.load(result, allow_pickle=False) as arrays:
-            return np.asarray(arrays["landmarks"], dtype=np.int64).reshape(-1, 2)
+            pairs = np.asarray(arrays["landmarks"], dtype=np.int64).reshape(-1, 2)
+            return pairs, str(arrays["partial"]) if "partial" in arrays else "auto"
     except _DAMAGED:
-        return None
+        return _NONE, None
 
 
 def register_shape(task: Task) -> list[str]:
@@ -217,7 +229,8 @@ def register_shape(task: Task) -> list[str]:
     path = task.shape.path if store is None else find_file(task.shape, store)
     with heard() as said:
         template, scan = read_mesh(task.template), read_mesh(path)
-        given = match(template, scan, landmarks=task.landmarks, barycentric=True)
+        options: Any = {"landmarks": task.landmarks, "partial": task.partial}
+        given = match(template, scan, **options, barycentric=True)
         found = register(template, scan, given)
     ours, own = f"{template.name}: ", f"{scan.name}: "
     # What is to be said of the template was told once, before.
@@ -225,7 +238,8 @@ def register_shape(task: Task) -> list[str]:
     keeps_lines = task.mesh.suffix.lower() == ".obj"  # texture, materials, groups, polygons
     write_registration(task.mesh, found, like=task.template if keeps_lines else None)
     fields: dict[str, Any] = {name: getattr(found, name) for name in _FIELDS}
-    fields |= {"landmarks": task.landmarks, "warnings": np.array(told, dtype=np.str_)}
+    fields |= {"landmarks": task.landmarks, "partial": np.array(task.partial)}
+    fields["warnings"] = np.array(told, dtype=np.str_)
     with atomic_write(task.result) as file:
         np.savez(file, vertices=found.mesh.vertices, **fields)
     return told

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 import unbend
+from unbend.choices import Partial
 from unbend.cli import _options as options
 from unbend.cli._input import opened
 from unbend.cli._output import fields_of, list_failures, progress, rows, tell
@@ -56,6 +57,7 @@ def register(
     template: Annotated[str, typer.Option(metavar="MESH")],
     out: Annotated[str, options.out("DIR")],
     landmarks: Annotated[str | None, typer.Option(metavar="CSV")] = None,
+    partial: Partial = "auto",
     workers: options.Workers = None,
     scheduler: options.Scheduler = None,
 ) -> None:
@@ -72,6 +74,8 @@ def register(
       landmarks: Landmarks: columns shape,template,vertex, with a path or id of a shape, a vertex of
           the template, and the corresponding vertex of the shape, counted from 0. Shapes that
           are not named keep those of an earlier run.
+      partial: Which may lack what the other has: the template (source), the shapes (target), both,
+          or none; auto: either. Shapes that were registered otherwise are registered again.
 
     $ unbend collection register people --template anna.ply -o registered
     $ unbend collection register people --template anna.ply --landmarks hints.csv -o registered
@@ -79,7 +83,13 @@ def register(
     collection = opened(store, out)
     pairs = None if landmarks is None else _read_landmarks(landmarks)
     done = collection.register(
-        template, out, landmarks=pairs, workers=workers, scheduler=scheduler, progress=progress
+        template,
+        out,
+        landmarks=pairs,
+        partial=partial,
+        workers=workers,
+        scheduler=scheduler,
+        progress=progress,
     )
     result: dict[str, Any] = {"store": store, "template": template}
     result |= {"n_registered": done.registered, "n_skipped": done.skipped}
