@@ -208,6 +208,10 @@ def test_doubt_is_said(capsys: pytest.CaptureFixture[str]) -> None:
     assert "--report" not in capsys.readouterr().err
     warn_if_doubtful(replace(poor, confidence_bound=0.5))
     assert "(confidence 0.59): the final map is in disorder" in capsys.readouterr().err
+    warn_if_doubtful(replace(poor, overlap_target=0.8))
+    assert capsys.readouterr().err.endswith(
+        ", or match with --partial none if neither shape lacks a part\n"
+    )
     warn_if_doubtful(replace(poor, landmark_hints=(3, 1)))
     told = capsys.readouterr().err
     assert "another map is nearly as good" in told

@@ -108,11 +108,14 @@ def warn_if_doubtful(match: unbend.Match, *, seen: bool = False) -> None:
         reason = "the final map is in disorder"
     look = "the page" if seen else "unbend match --report"
     where = where_landmarks_help(match.landmark_hints)
+    whole = ""
+    if min(match.overlap_source, match.overlap_target) < 1:
+        whole = ", or match with --partial none if neither shape lacks a part"
     trust = f"the match is doubtful (confidence {match.confidence:.2f}): {reason}"
     say(
         "warning",
         f"{trust}; look at it with {look}, and where it goes wrong place landmarks with unbend "
-        f"view{where}, for --landmarks",
+        f"view{where}, for --landmarks{whole}",
     )
 
 
