@@ -229,8 +229,8 @@ def register_shape(task: Task) -> list[str]:
     path = task.shape.path if store is None else find_file(task.shape, store)
     with heard() as said:
         template, scan = read_mesh(task.template), read_mesh(path)
-        options: Any = {"landmarks": task.landmarks, "partial": task.partial}
-        given = match(template, scan, **options, barycentric=True)
+        landmarks, partial = task.landmarks, task.partial
+        given = match(template, scan, landmarks=landmarks, partial=partial, barycentric=True)
         found = register(template, scan, given)
     ours, own = f"{template.name}: ", f"{scan.name}: "
     # What is to be said of the template was told once, before.
