@@ -10,6 +10,7 @@ import shlex
 from importlib.util import find_spec
 from pathlib import Path
 
+import numpy as np
 import pytest
 import typer
 from typer.testing import CliRunner
@@ -49,6 +50,7 @@ def folder(tmp_path, monkeypatch):
         write_mesh(tmp_path / f"{name}.ply", body.mesh)
         ends = body.mesh.vertices.argmax(axis=0)[:2]
         write_markups(tmp_path / f"{name}.mrk.json", body.mesh, ends, ["left hand", "head"])
+    np.save(tmp_path / "thickness.npy", np.ones(500))
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -67,8 +69,8 @@ def test_python_on_a_page_runs_from_top_to_bottom(page, folder, here):
     known = {}
     for code in blocks(page, "python"):
         compiled = compile(code, page.name, "exec")
-        if "dask_kubernetes" in code and not find_spec("dask_kubernetes"):
-            continue  # needs a cluster: it is checked to be Python, and no more
+        if any(one in code and not find_spec(one) for one in ("dask_kubernetes", "nibabel")):
+            continue  # it is checked to be Python, and no more
         with contextlib.redirect_stdout(io.StringIO()):
             exec(compiled, known)
 

@@ -180,7 +180,10 @@ def test_a_vtk_file_is_read_with_meshio(tmp_path: Path) -> None:
         read_mesh(tmp_path / "a.vtk")
 
 
-@pytest.mark.parametrize(("suffix", "program"), [(".glb", "trimesh"), (".vtk", "meshio")])
+@pytest.mark.parametrize(
+    ("suffix", "program"),
+    [(".glb", "trimesh"), (".vtk", "meshio"), (".gii", "nibabel"), (".pial", "nibabel")],
+)
 def test_without_the_program_it_is_named(tmp_path: Path, monkeypatch, suffix, program) -> None:
     monkeypatch.setitem(__import__("sys").modules, program, None)
     (tmp_path / f"a{suffix}").write_bytes(b"something")

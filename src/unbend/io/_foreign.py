@@ -21,8 +21,12 @@ from unbend.mesh import Mesh
 _GLTF = (".glb", ".gltf")
 _TRIMESH = (*_GLTF, ".3mf", ".dae")
 _MESHIO = (".vtk", ".vtu", ".msh", ".mesh", ".inp", ".bdf")
+_FREESURFER = (".pial", ".white", ".inflated", ".sphere", ".thickness", ".curv", ".sulc", ".annot")
+_NIBABEL = (".gii", *_FREESURFER)
+_READ_BY_NIBABEL = ("read by nibabel",)
+_POINTSET, _TRIANGLE, _NODE_INDEX = 1008, 1009, 2002  # GIFTI's intents, numbered as in NIfTI
 _WORDS = {"color": "colours", "uv": "texture coordinates"}
-FOREIGN_SUFFIXES = (*_TRIMESH, *_MESHIO)
+FOREIGN_SUFFIXES = (*_TRIMESH, *_MESHIO, *_NIBABEL)
 
 
 class _HasVertices(Protocol):  # a mesh of trimesh or Open3D
@@ -35,14 +39,25 @@ class _HasPoints(Protocol):  # a mesh of PyVista or meshio, or the points of Ope
     def points(self) -> Any: ...
 
 
+class _HasArrays(Protocol):  # a GIFTI image of nibabel
+    @property
+    def darrays(self) -> Any: ...
+
+
 MeshLike: TypeAlias = (
-    Mesh | StrPath | Sequence[npt.ArrayLike] | npt.NDArray[Any] | _HasVertices | _HasPoints
+    Mesh
+    | StrPath
+    | Sequence[npt.ArrayLike]
+    | npt.NDArray[Any]
+    | _HasVertices
+    | _HasPoints
+    | _HasArrays
 )
 """Whatever is taken for a mesh: see :func:`as_mesh`."""
 
 
 def mesh_of(given: Any) -> Mesh | None:
-    """Make a mesh of an object of trimesh, Open3D, meshio, PyVista or VTK; None if it is none."""
+    """Make a mesh of an object of trimesh, Open3D, meshio, VTK or nibabel; None if it is none."""
     if hasattr(given, "vertices"):
         for faces in ("faces", "triangles"):  # trimesh; Open3D
             if hasattr(given, faces):
@@ -75,6 +90,11 @@ def mesh_of(given: Any) -> Mesh | None:
         return _from_polygons(positions, sizes, corners)
     if hasattr(given, "points") and hasattr(given, "estimate_normals"):  # Open3D's points
         return Mesh(given.points)
+    if hasattr(given, "darrays"):  # nibabel's GIFTI
+        surface = _of_gifti(given)
+        if len(surface.vertices) == 0:
+            raise InputError("a GIFTI image without points is not a mesh: give one of a surface")
+        return Mesh(surface.vertices, surface.faces)
     return None
 
 
@@ -88,16 +108,18 @@ def _from_polygons(points: Any, sizes: npt.ArrayLike, corners: npt.NDArray[Any])
 
 
 def read_foreign(path: Path, data: bytes) -> Contents:
-    """Read a surface of VTK, or a file with trimesh or meshio, and say that in the notes."""
+    """Read a surface of VTK, or a file with another program, and say that in the notes."""
     suffix = path.suffix.lower()
     if suffix == ".vtk" and vtk.is_polydata(data):
         return vtk.read(data)
-    program = "trimesh" if suffix in _TRIMESH else "meshio"
+    program = "trimesh" if suffix in _TRIMESH else "meshio" if suffix in _MESHIO else "nibabel"
     if find_spec(program) is None:
         raise MissingExtraError(program)
     try:
         if suffix in _TRIMESH:
             return _by_trimesh(suffix, data)
+        if suffix in _NIBABEL:
+            return _by_nibabel(path, data)
         import meshio
 
         given = meshio.read(path)
@@ -109,6 +131,44 @@ def read_foreign(path: Path, data: bytes) -> Contents:
         raise
     except (Exception, SystemExit) as error:  # their readers raise anything; meshio exits
         raise FileError(f"{program} cannot read it: {error}") from error
+
+
+def _by_nibabel(path: Path, data: bytes) -> Contents:
+    """Read a GIFTI file, or a surface or values of FreeSurfer."""
+    import nibabel
+
+    suffix = path.suffix.lower()
+    if suffix == ".gii":
+        return _of_gifti(nibabel.GiftiImage.from_bytes(data))
+    if suffix in (".pial", ".white", ".inflated", ".sphere"):
+        vertices, faces = nibabel.freesurfer.read_geometry(path)
+        return Contents(vertices, faces, _READ_BY_NIBABEL)
+    if suffix == ".annot":
+        values = nibabel.freesurfer.read_annot(path)[0]  # rows of its table, -1 where none
+    elif data.startswith(b"\xff\xff\xff"):
+        values = nibabel.freesurfer.read_morph_data(path)
+    else:  # which reads it as an old format that has no mark
+        raise FileError("not FreeSurfer's format of values per vertex")
+    return Contents(np.empty((0, 3)), NO_FACES, _READ_BY_NIBABEL, lambda: {suffix[1:]: values})
+
+
+def _of_gifti(image: Any) -> Contents:
+    """Take the surface of a GIFTI image and its values, of which it may lack either."""
+    places, corners, columns = np.empty((0, 3)), NO_FACES, []
+    for one in image.darrays:
+        if one.intent == _POINTSET:
+            places = one.data
+        elif one.intent == _TRIANGLE:
+            corners = one.data
+        elif one.intent == _NODE_INDEX:
+            raise FileError("numbers its rows (NODE_INDEX): save a row for each vertex, in order")
+        else:
+            columns.append(one)
+    names = [one.meta.get("Name") or "value" for one in columns]
+    if len({*names}) < len(names):
+        names = [f"value_{i}" for i in range(len(names))]
+    values = {name: one.data for name, one in zip(names, columns, strict=True)}
+    return Contents(places, corners, _READ_BY_NIBABEL, lambda: values)
 
 
 def _by_trimesh(suffix: str, data: bytes) -> Contents:

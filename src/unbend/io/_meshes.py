@@ -43,7 +43,7 @@ def read_mesh(path: StrPath) -> Mesh:
         .off (also COFF, NOFF), .obj, .ply (text or binary), .stl, .vtk (POLYDATA, VTK's surfaces),
         .xyz (one point per line) or .npy (an (n, 3) array of points). Trimesh, if it is installed,
         reads .glb, .gltf, .3mf and .dae; meshio reads .vtk of grids, .vtu, .msh, .mesh, .inp and
-        .bdf.
+        .bdf; nibabel reads .gii and FreeSurfer's .pial, .white, .inflated and .sphere.
 
     Returns
     -------
@@ -57,7 +57,7 @@ def read_mesh(path: StrPath) -> Mesh:
     MeshError
         If it breaks a rule of :class:`Mesh`.
     MissingExtraError
-        If trimesh or meshio is needed and not installed.
+        If trimesh, meshio or nibabel is needed and not installed.
 
     Examples
     --------
@@ -71,6 +71,8 @@ def read_mesh(path: StrPath) -> Mesh:
     ('1 polygon split into triangles',)
     """
     contents = read_contents(path)
+    if len(contents.vertices) == 0:
+        raise FileError(f"{Path(path).name}: holds no vertices")
     return Mesh(contents.vertices, contents.faces, name=Path(path).name, notes=contents.notes)
 
 
@@ -81,10 +83,7 @@ def read_contents(path: StrPath) -> Contents:
     suffix = path.suffix.lower()
     with prefixed(path.name):
         foreign = suffix in FOREIGN_SUFFIXES
-        contents = read_foreign(path, data) if foreign else _READERS[suffix](data)
-        if len(contents.vertices) == 0:
-            raise FileError("holds no vertices")
-    return contents
+        return read_foreign(path, data) if foreign else _READERS[suffix](data)
 
 
 def file_extras(path: StrPath) -> list[str]:
@@ -103,8 +102,9 @@ def as_mesh(mesh: MeshLike) -> Mesh:
     ----------
     mesh : MeshLike: Mesh, path, (V, F) pair, (n, 3) array, or object with vertices and faces
         A path is read with :func:`unbend.read_mesh`. An object may carry ``.vertices`` and
-        ``.faces`` (trimesh), or be a mesh or point cloud of Open3D, a mesh of meshio, or a
-        ``PolyData`` of PyVista or VTK. An (n, 3) array is a point cloud.
+        ``.faces`` (trimesh), or be a mesh or point cloud of Open3D, a mesh of meshio, a
+        ``PolyData`` of PyVista or VTK, or a ``GiftiImage`` of nibabel. An (n, 3)
+        array is a point cloud.
 
     Returns
     -------
