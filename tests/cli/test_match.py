@@ -108,6 +108,13 @@ def test_match_takes_a_component(tmp_path: Path) -> None:
     # The other shape has no second component, and is matched as it is.
     done = right(*arguments, "--component", "1")
     assert f"42 of 204 vertices of two.ply to {other.name}" in done.stdout
+    assert "numbers go by size" not in done.stderr
+    # Of both shapes the second is taken, which need not be the same part.
+    swapped = np.vstack([stone.vertices / 9, ball.vertices + 9])
+    write_mesh(tmp_path / "other.ply", (swapped, np.vstack([stone.faces, ball.faces + 162])))
+    twice = ["match", tmp_path / "two.ply", tmp_path / "other.ply", "--component", "1"]
+    done = right(*twice, "--no-refine")
+    assert "component 1 is 42 vertices of two.ply, 42 vertices of other.ply: numbers" in done.stderr
     for paths in (arguments[:3], ["match", other, other]):
         done = run(*paths, "--component", "2")
         assert done.exit_code == 2

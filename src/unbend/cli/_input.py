@@ -25,13 +25,17 @@ def read_shapes(paths: Iterable[str], component: str | None = None) -> list[unbe
     shapes = [unbend.read_mesh(path) for path in paths]
     if component is None:
         return shapes
-    counts = [
-        len(unbend.mesh.find_components(one.faces, one.n_vertices).n_vertices) for one in shapes
+    sizes = [unbend.mesh.find_components(one.faces, one.n_vertices).n_vertices for one in shapes]
+    several = [(one.name, n) for one, n in zip(shapes, sizes, strict=True) if len(n) > 1]
+    chosen = [
+        unbend.preparation.only_component(one, component) if len(n) > 1 or not several else one
+        for one, n in zip(shapes, sizes, strict=True)
     ]
-    return [
-        unbend.preparation.only_component(one, component) if n > 1 or max(counts) < 2 else one
-        for one, n in zip(shapes, counts, strict=True)
-    ]
+    if component not in ("largest", 0) and len(several) > 1:
+        held = ", ".join(f"{n[int(component)]:,} vertices of {name}" for name, n in several)
+        sentence = "numbers go by size, so look whether these are the same part"
+        output.say("note", f"component {component} is {held}: {sentence}")
+    return chosen
 
 
 def make_form(mesh: unbend.Mesh, **options: Any) -> unbend.canonical.CanonicalForm:
