@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from endurance import COMMANDS, interrupt, kernels
+from endurance import COMMANDS, interrupt
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are others there")
@@ -13,7 +13,3 @@ from endurance import COMMANDS, interrupt, kernels
 def test_an_ended_command_leaves_no_half(by: str) -> None:
     codes = interrupt(COMMANDS["distance"], signal.Signals[by], [0.9])
     assert set(codes) <= {0, 130, -signal.Signals[by], 1}
-
-
-def test_processes_that_compile_at_once_solve_right() -> None:
-    assert kernels(2, "qdldl") > 0
