@@ -1,6 +1,7 @@
 """What files and names from elsewhere must not be able to do."""
 
 import ast
+import functools
 import re
 from collections.abc import Iterator
 from html.parser import HTMLParser
@@ -25,14 +26,15 @@ DANGEROUS_FUNCTIONS = {"eval", "exec", "compile", "__import__", "os.system", "os
 DANGEROUS_METHODS = {"extract", "extractall", "unpack_archive"}
 
 
-def _trees() -> Iterator[tuple[Path, ast.AST]]:
-    for path in sorted(SOURCE.rglob("*.py")):
-        yield path, ast.parse(path.read_text("utf-8"))
+@functools.cache
+def _trees() -> list[tuple[Path, list[ast.AST]]]:
+    paths = sorted(SOURCE.rglob("*.py"))
+    return [(path, list(ast.walk(ast.parse(path.read_text("utf-8"))))) for path in paths]
 
 
 def test_no_module_is_imported_that_runs_what_it_reads() -> None:
-    for path, tree in _trees():
-        for node in ast.walk(tree):
+    for path, nodes in _trees():
+        for node in nodes:
             names = [one.name for one in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             found = DANGEROUS_MODULES & {name.split(".")[0] for name in names}
@@ -41,16 +43,16 @@ def test_no_module_is_imported_that_runs_what_it_reads() -> None:
 
 
 def test_nothing_is_evaluated_or_unpacked_where_it_says() -> None:
-    for path, tree in _trees():
-        called = [node.func for node in ast.walk(tree) if isinstance(node, ast.Call)]
+    for path, nodes in _trees():
+        called = [node.func for node in nodes if isinstance(node, ast.Call)]
         assert DANGEROUS_FUNCTIONS.isdisjoint(map(ast.unparse, called)), path
         assert DANGEROUS_METHODS.isdisjoint(getattr(one, "attr", "") for one in called), path
 
 
 def test_every_load_of_numpy_refuses_pickles() -> None:
     n_loads = 0
-    for path, tree in _trees():
-        for node in ast.walk(tree):
+    for path, nodes in _trees():
+        for node in nodes:
             if isinstance(node, ast.Call) and ast.unparse(node.func) in ("np.load", "numpy.load"):
                 allowed = {one.arg: ast.unparse(one.value) for one in node.keywords}
                 assert allowed.get("allow_pickle") == "False", path
