@@ -26,7 +26,7 @@ ROOT = HERE.parent
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 LIMIT_BYTES = 1_000_000  # of the wheel
 # Those that users ask for; the others are tools of whoever works on unbend.
-EXTRAS = ("plot", "sklearn", "exact", "data", "collection", "app")
+EXTRAS = ("plot", "sklearn", "exact", "data", "formats", "collection", "app")
 COMPILED = ("exact",)  # there is no wheel of pygeodesic for Python 3.14
 
 

@@ -100,6 +100,19 @@ def data(folder: Path) -> None:
     fetch_files({"empty.txt": nothing}, folder, "https://example.org", "no terms")
 
 
+def formats(folder: Path) -> None:
+    """Read what trimesh and meshio write."""
+    import meshio
+    import trimesh
+
+    ball = make_sphere(2)
+    for suffix in ("glb", "3mf", "dae"):
+        trimesh.Trimesh(ball.vertices, ball.faces).export(folder / f"ball.{suffix}")
+    meshio.Mesh(ball.vertices, [("triangle", ball.faces)]).write(folder / "ball.vtu")
+    for suffix in ("glb", "3mf", "dae", "vtu"):
+        assert read_mesh(folder / f"ball.{suffix}").n_faces == ball.n_faces, suffix
+
+
 def collection(folder: Path) -> None:
     """Add two shapes from another process, and find one."""
     shapes = folder / "shapes"
@@ -125,7 +138,7 @@ def app(folder: Path) -> None:
             process.terminate()
 
 
-CHECKS = {one.__name__: one for one in (none, plot, sklearn, exact, data, collection, app)}
+CHECKS = {one.__name__: one for one in (none, plot, sklearn, exact, data, formats, collection, app)}
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as folder:

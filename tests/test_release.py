@@ -53,6 +53,9 @@ def test_lowest_versions_are_those_of_the_bounds():
     # Every Python with the wheel, every extra with lowest and newest versions, and the sdist.
     cases = list(matrix.cases(["3.11", "3.12"]))
     assert len(cases) == len(set(cases)) == 2 + (1 + len(matrix.EXTRAS)) + len(matrix.EXTRAS) + 1
+    # All extras that users are told of.
+    told = re.findall(r"^\| `(\w+)` \|", text("docs/first-steps.md"), re.MULTILINE)
+    assert set(told) == set(matrix.EXTRAS) <= PROJECT["optional-dependencies"].keys()
     told = PROJECT["requires-python"].removeprefix(">=")
     assert told == matrix.PYTHONS[0]
 
