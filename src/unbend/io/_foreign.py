@@ -184,6 +184,11 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
         part = scene.geometry[name]
         if hasattr(part, "entities"):  # lines
             continue
+        if gltf.DRACO.encode() in data and not part.vertices.any():  # trimesh goes on without them
+            raise FileError(
+                "its Draco data could not be decoded (trimesh 5.1 can, if they are whole); save it "
+                "without compression"
+            )
         parts.append(part)
         vertices.append(part.vertices @ placement[:3, :3].T + placement[:3, 3])
         corners = np.asarray(getattr(part, "faces", NO_FACES)) + at

@@ -99,6 +99,23 @@ def test_draco_needs_its_decoder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert read_mesh(tmp_path / "a.glb").n_faces == 2
 
 
+def test_draco_data_that_are_not_decoded_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Trimesh gives zeros for them: if it is older than its decoder, or the data are damaged."""
+    monkeypatch.setattr("unbend.io.formats.gltf.find_spec", lambda name: name)
+    given = changed("extensionsRequired", ["KHR_draco_mesh_compression"])
+    (primitive,) = given["meshes"][0]["primitives"]
+    primitive["extensions"] = {
+        "KHR_draco_mesh_compression": {"bufferView": 1, "attributes": {"POSITION": 0}}
+    }
+    for one in given["accessors"][:2]:
+        del one["bufferView"]
+    write(tmp_path / "a.glb", given)
+    with pytest.raises(FileError, match=r"^a\.glb: its Draco data could not be decoded"):
+        read_mesh(tmp_path / "a.glb")
+
+
 @pytest.mark.parametrize(
     "name", ["KHR_texture_transform", "KHR_materials_unlit", "KHR_mesh_quantization"]
 )

@@ -21,7 +21,7 @@ _POINTS, _TRIANGLES, _FAN = 0, 4, 6
 _VERTICES, _INDICES = 34962, 34963
 # Extensions that matter to looks, and one that allows whole numbers as positions.
 _HARMLESS = re.compile(r"[A-Z]+_(materials|texture|lights|animation|xmp)_\w+|KHR_mesh_quantization")
-_DRACO = "KHR_draco_mesh_compression"
+DRACO = "KHR_draco_mesh_compression"
 
 
 def write(
@@ -134,7 +134,7 @@ def _primitives(document: dict[str, Any]) -> list[dict[str, Any]]:
 
 def _refuse(document: dict[str, Any]) -> None:
     for name in document.get("extensionsRequired", []):
-        is_draco = name == _DRACO
+        is_draco = name == DRACO
         if not (find_spec("DracoPy") if is_draco else _HARMLESS.fullmatch(name)):
             advice = ": install DracoPy, or" if is_draco else ", which is not read;"
             raise FileError(f"needs the glTF extension {name}{advice} save it without")
