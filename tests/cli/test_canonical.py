@@ -201,6 +201,7 @@ def test_many_meshes_get_a_folder_of_forms_and_a_bad_one_is_listed(blob, tmp_pat
     ("arguments", "message"),
     [
         ("a.off b/a.off -o forms", "a.off and b/a.off would both be written to forms/a.off"),
+        ("a.off b/A.off -o forms", "a.off and b/A.off would both be written to forms/A.off"),
         ("a.off out.ply", "cannot read out.ply: there is no such file; or was -o meant?"),
         ("a.off c.off -o form.ply", "2 meshes need a folder to write to, and form.ply is a file"),
         ("a.off c.off -o form.vtp", "2 meshes need a folder to write to, and form.vtp is a file"),

@@ -142,16 +142,17 @@ def canonical(
 
 def _files_in(folder: str, paths: Sequence[str], n_written: int) -> list[str]:
     """Make the folder; name a file in it after each mesh."""
-    found: dict[str, str] = {}
+    found: dict[str, tuple[str, str]] = {}
     for path in paths:
         own = Path(path).suffix.lower()
         suffix = ".npy" if n_written != 3 else own if own in _MESH_SUFFIXES else ".ply"
         file = os.path.join(folder, Path(path).stem + suffix)
-        if file in found:
-            raise InputError(f"{found[file]} and {path} would both be written to {file}")
-        found[file] = path
+        name = file.casefold()  # Windows and macOS do not tell Cat.ply from cat.ply
+        if name in found:
+            raise InputError(f"{found[name][0]} and {path} would both be written to {file}")
+        found[name] = path, file
     unbend.collection.make_folder(folder)
-    return list(found)
+    return [file for _, file in found.values()]
 
 
 def _write(out: str, path: str, shape: unbend.Mesh, points: FloatArray) -> None:
