@@ -4,10 +4,11 @@ import os
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from unbend.errors import FileError
-from unbend.io import _files, atomic_write, check_writable
+from unbend.io import _files, atomic_write, check_writable, write_map, write_values
 from unbend.io._files import read_bytes
 
 
@@ -44,6 +45,23 @@ def test_a_full_disk_is_one_sentence(tmp_path: Path) -> None:
         atomic_write(tmp_path / "a.txt"),
     ):
         raise OSError(28, "No space left on device")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limits of this kind")
+@pytest.mark.parametrize(
+    "write", [write_map, lambda path, one: write_values(path, one, np.eye(len(one), 3))]
+)
+def test_arrays_that_do_not_fit_say_why(tmp_path: Path, write) -> None:
+    import resource
+
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))
+    try:
+        with pytest.raises(FileError, match="File too large"):
+            write(tmp_path / "a.npy", np.zeros(10_000, dtype=np.int64))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -20,7 +20,7 @@ from unbend.io._foreign import MeshLike
 from unbend.io._meshes import as_mesh
 from unbend.io._value_tables import read_table_of_values
 from unbend.io.formats.contents import are_numbers, data_lines, misfit
-from unbend.io.formats.npy import read_array
+from unbend.io.formats.npy import read_array, write_array
 from unbend.mesh import edge_ends
 
 MAP_SUFFIXES = (".npy", ".txt", ".csv", ".vts")
@@ -123,7 +123,7 @@ def write_map(path: StrPath, point_map: npt.ArrayLike, *, base: int | None = Non
     rows = np.where(images < 0, -1, images + first)
     with atomic_write(path) as file:
         if suffix == ".npy":
-            np.save(file, rows)
+            write_array(file, rows)
         else:
             lines = ["target_vertex"] * (suffix == ".csv") + [str(row) for row in rows.tolist()]
             file.write(("\n".join(lines) + "\n").encode())

@@ -22,7 +22,7 @@ from unbend.io._foreign import MeshLike
 from unbend.io._meshes import READ_SUFFIXES, as_mesh, file_extras, read_contents
 from unbend.io._value_tables import read_table_of_values
 from unbend.io._writing import COLOR_SUFFIXES, SCALAR_SUFFIXES, TAKEN, write_mesh
-from unbend.io.formats.npy import read_array
+from unbend.io.formats.npy import read_array, write_array
 
 VALUE_SUFFIXES = (".npy", ".csv", ".txt")
 _OPAQUE = "the transparency of colours is not kept"
@@ -233,7 +233,7 @@ def write_values(
     rows = (columns.astype(np.int64) if columns.dtype == bool else columns).tolist()
     if suffix == ".npy":
         with atomic_write(path) as file:
-            np.save(file, array)
+            write_array(file, array)
     elif suffix == ".csv":
         # Quoted, a row that begins with # is not read as a comment.
         marked = any(str(row[0]).startswith("#") for row in rows)

@@ -31,6 +31,13 @@ def read_array(data: bytes) -> npt.NDArray[Any]:
     return values.reshape(shape, order="F" if fortran_order else "C")
 
 
+def write_array(file: IO[bytes], array: npt.NDArray[Any]) -> None:
+    """Write an array; straight to a file, NumPy would not say why it cannot, as of a full disk."""
+    stream = io.BytesIO()
+    np.save(stream, array)
+    file.write(stream.getbuffer())
+
+
 def read_header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
     """Read shape, column order and type of a .npy file; leave the stream at the first value."""
     try:
