@@ -218,7 +218,7 @@ def _given(result: Path) -> tuple[IntArray, str | None]:
     try:
         with np.load(result, allow_pickle=False) as arrays:
             pairs = np.asarray(arrays["landmarks"], dtype=np.int64).reshape(-1, 2)
-            return pairs, str(arrays["partial"]) if "partial" in arrays else "auto"
+            return pairs, str(arrays["partial"])
     except _DAMAGED:
         return _NONE, None
 
