@@ -145,6 +145,15 @@ def test_own_pose_and_proportions():
     assert not plain.rest.flags.writeable
 
 
+@pytest.mark.parametrize(("maker", "ends"), [(make_quadruped, "paw"), (make_octopus, "arm_4_9")])
+def test_thin_limbs_keep_their_ends(maker, ends):
+    shape = maker({}, n_vertices=500, limbs=0.37)
+    for bone in shape.bones:
+        if bone.name.endswith(ends):
+            off = np.linalg.norm(shape.rest - bone.tail, axis=1).min()
+            assert off < 2 * bone.tail_radius
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -160,6 +169,7 @@ def test_own_pose_and_proportions():
         ({"legs": -1.0}, "above 0"),
         ({"legs": 1e9}, "at most 10"),
         ({"legs": "long"}, "legs must be above 0"),
+        ({"body": 1.65, "girth": 0.37}, "touch or come off; choose milder ones"),
         ({"tail_lift": None}, "tail_lift must be above -180"),
         ({"n_vertices": 20}, "500"),
         ({"n_vertices": "600"}, "n_vertices must be a whole number from 500"),

@@ -15,7 +15,7 @@ from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.datasets._cones import Cones, newton_step
 from unbend.datasets._halfmesh import collapse_short_edges, delaunay_flips
 from unbend.errors import InputError
-from unbend.mesh import edge_ends, face_normals
+from unbend.mesh import edge_ends, face_normals, find_components
 
 _COARSEST = 0.025  # grid spacing that no part of a body slips through
 
@@ -24,7 +24,7 @@ def skin(cones: Cones, n_vertices: int, *, meshing: int) -> tuple[FloatArray, In
     """Mesh the skin of a body with exactly so many vertices; also return its mirror map.
 
     `meshing` is the seed of the grid's orientation and offset. Raises InputError if no grid gives a
-    surface without handles.
+    connected surface without handles.
     """
     rng = np.random.default_rng(meshing)
     # A turn about x keeps the left-right symmetry; so does any shift in y and z.
@@ -38,12 +38,13 @@ def skin(cones: Cones, n_vertices: int, *, meshing: int) -> tuple[FloatArray, In
         on_plane = vertices[:, 0] == 0
         count = 2 * len(vertices) - int(on_plane.sum())
         n_edges = len(edge_ends(faces, len(vertices)))
-        disk = len(vertices) - n_edges + len(faces) == 1
+        in_one = len(find_components(faces, len(vertices)).n_faces) == 1
+        disk = in_one and len(vertices) - n_edges + len(faces) == 1
         if disk and count >= n_vertices:
             break
         spacing *= 0.95 if count >= n_vertices else min(0.95, (count / (1.15 * n_vertices)) ** 0.5)
     else:
-        raise InputError("these proportions make parts of the body touch; choose milder ones")
+        raise InputError("these proportions make parts touch or come off; choose milder ones")
     vertices, faces = _even_out(turned, vertices, faces, on_plane, n_vertices)
     return _reflect((vertices - shift) @ rotation, faces)
 
@@ -111,7 +112,7 @@ def _inside(cones: Cones, spacing: float) -> tuple[BoolArray, FloatArray]:
 
 
 def _well_composed(inside: BoolArray) -> BoolArray:
-    """One solid without cavities, grown until no two of its voxels touch by an edge or corner only.
+    """Grow a solid without cavities until no two of its voxels touch by an edge or corner only.
 
     The surface net of such a solid is a manifold (Latecki 1997).
     """
@@ -135,9 +136,6 @@ def _well_composed(inside: BoolArray) -> BoolArray:
                 view |= alone | missing
         if int(inside.sum()) == before:
             break
-    pieces, n_pieces = ndimage.label(inside)
-    if n_pieces > 1:
-        inside = pieces == 1 + np.argmax(np.bincount(pieces.ravel())[1:])
     doubled = np.concatenate([inside[:0:-1], inside[1:]])
     return np.asarray(ndimage.binary_fill_holes(doubled)[len(inside) - 2 :])
 

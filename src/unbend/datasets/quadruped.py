@@ -121,7 +121,7 @@ def make_quadruped(
     ------
     InputError
         If a pose, bone, species or proportion does not exist (the message lists those that do),
-        a number is out of range, or the proportions make parts of the body touch.
+        a number is out of range, or the proportions make parts of the body touch or come off.
 
     See Also
     --------
