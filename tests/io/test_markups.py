@@ -144,6 +144,7 @@ def test_what_tables_of_points_cannot_mean(tmp_path: Path, text: str, problem: s
         (mrk(("nose", [9, 9, 9], "vertex 5")), "'nose' is 10.4 from mesh"),
         (mrk(("nose", [1e300, 9, 9], "vertex 5")), "'nose' is inf from mesh"),
         (mrk(("nose", [0, 0, 0], "vertex 9")), "'nose' is vertex 9, but mesh has 9"),
+        (mrk(("nose", [0])), "not a landmark file"),
         (mrk(("nose", [0, 0])), "not a landmark file"),
         (mrk(("nose", [0, 0, 0]), axes="IJK"), "not a landmark file"),
         (mrk(), "holds no points"),

@@ -303,7 +303,5 @@ def _table(data: bytes, suffix: str) -> list[_Point]:
 
 def _point(label: Any, description: Any, position: Any, axes: Any) -> _Point:
     flip = _FLIPS[axes]
-    place = np.array([float(x) for x in position]) * (flip, flip, 1)
-    if place.shape != (3,):
-        raise ValueError("a position is three numbers")
-    return str(label), str(description).strip(), place
+    x, y, z = map(float, position)
+    return str(label), str(description).strip(), np.array([flip * x, flip * y, z])
