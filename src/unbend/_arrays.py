@@ -44,13 +44,13 @@ def array_of(values: npt.ArrayLike, what: str) -> npt.NDArray[Any]:
         raise InputError(f"{what}: rows have different lengths, and must have one") from None
 
 
-def values_of(values: npt.ArrayLike, what: str) -> npt.NDArray[Any]:
+def values_of(values: npt.ArrayLike) -> npt.NDArray[Any]:
     """Turn real numbers, truth values or text into an array; raise InputError for all else."""
-    array = array_of(values, what)
+    array = array_of(values, "values")
     if array.dtype.kind == "O" and all(isinstance(one, str) for one in array.flat):
         array = array.astype(np.str_)  # as a column of pandas holds it
     if array.dtype.kind not in "biufU":
-        raise InputError(f"{what} of type {array.dtype} are neither numbers nor labels")
+        raise InputError(f"values of type {array.dtype} are neither numbers nor labels")
     return array
 
 

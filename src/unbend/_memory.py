@@ -79,10 +79,8 @@ def _machine(proc: Path = Path("/proc")) -> int | None:
         status = _WindowsMemory(ctypes.sizeof(_WindowsMemory))
         known = ctypes.windll.kernel32.GlobalMemoryStatusEx(ctypes.byref(status))
         return int(status.available) if known else None
-    try:  # other systems say at least how much there is in all
-        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, OSError, ValueError):
-        return None
+    # Other systems say at least how much there is in all.
+    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
 def _user_limit(proc: Path = Path("/proc")) -> int | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -154,8 +153,6 @@ def _matched(
 
 
 def _in_words(confidence: float) -> str:
-    if math.isnan(confidence):
-        return "of unknown confidence"
     sure = "very likely right" if confidence >= 0.9 else "likely right"
     words = "doubtful" if is_doubtful(confidence) else sure
     return f"{words} (confidence {confidence:.2f} of 1)"

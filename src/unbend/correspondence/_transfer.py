@@ -99,7 +99,7 @@ def carry(
     target: Mesh | None,
 ) -> npt.NDArray[Any]:
     """Transfer values as :func:`transfer` does; for pictures, which warn of nothing."""
-    array = values_of(values, "values")
+    array = values_of(values)
     images = as_point_map(match, source, target)
     if array.ndim == 0 or len(array) != len(images):
         given = "one value" if array.ndim == 0 else plural(len(array), "row")

@@ -219,7 +219,7 @@ def write_values(
     mesh = as_mesh(mesh)
     if kind == "auto" or kind not in get_args(ValueKind):
         raise InputError(f"kind must be scalar, label, weights, color or uv, not {kind!r}")
-    array = values_of(values, "values")
+    array = values_of(values)
     if array.size == 0 or array.ndim == 0 or len(array) != mesh.n_vertices:
         need = plural(mesh.n_vertices, "vertex")
         raise InputError(f"values must have one row for each of {need}")

@@ -219,10 +219,8 @@ def hint(html: str) -> str:
     return f'<p class="hint">{html}</p>'
 
 
-def curve_svg(
-    x: FloatArray, curves: Sequence[tuple[str, FloatArray]], x_label: str, y_label: str
-) -> str:
-    """Plot of curves in percent, the second one dashed."""
+def curve_svg(x: FloatArray, curves: Sequence[tuple[str, FloatArray]], x_label: str) -> str:
+    """Plot of how many points lie within x, in percent; the second curve is dashed."""
     most, k = float(x.max()), len(x) // 4
     marks, facts = [], []
     for i, (name, values) in enumerate(curves):
@@ -233,11 +231,11 @@ def curve_svg(
         facts.append(
             f"{name}: {values[k]:.1f} % within {x[k]:g}, {values[-1]:.1f} % within {most:g}"
         )
-    return _plot(marks, most, 100.0, x_label, y_label, "; ".join(facts))
+    return _plot(marks, most, 100.0, x_label, "points within it, %", "; ".join(facts))
 
 
-def dots_svg(values: FloatArray, x_label: str, y_label: str) -> str:
-    """Plot of a dot for each value, counted from 0."""
+def dots_svg(values: FloatArray) -> str:
+    """Plot of a dot for each eigenvalue."""
     right, top = _round_above(len(values) - 1), _round_above(float(values.max()))
     marks = []
     for i, value in enumerate(values):
@@ -245,7 +243,7 @@ def dots_svg(values: FloatArray, x_label: str, y_label: str) -> str:
         title = f"<title>{i}: {value:.6g}</title>"
         marks.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3">{title}</circle>')
     facts = f"{len(values)} values from {values[0]:.4g} to {values[-1]:.4g}"
-    return _plot(marks, right, top, x_label, y_label, facts)
+    return _plot(marks, right, top, "number, counted from 0", "eigenvalue, at unit area", facts)
 
 
 def _round_above(value: float) -> float:

@@ -100,7 +100,7 @@ def form_page(
             '<div class="columns">',
             parts.section(
                 "Spectrum",
-                parts.dots_svg(values, "number, counted from 0", "eigenvalue, at unit area"),
+                parts.dots_svg(values),
                 parts.hint(
                     "The lowest eigenvalues of the shape's Laplacian. They are the same in every "
                     "pose."

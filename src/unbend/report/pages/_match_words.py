@@ -92,7 +92,7 @@ def error_section(found: Evaluation) -> str:
     x = "geodesic error, in units of the square root of the target's area"
     return parts.section(
         "Errors",
-        parts.curve_svg(THRESHOLDS, curves, x, "points within it, %"),
+        parts.curve_svg(THRESHOLDS, curves, x),
         table(rows),
         parts.hint(
             f'Coloured by error: 0 <span class="scale"></span> {WORST:g} and more. '
