@@ -249,6 +249,32 @@ def test_values_that_are_gone_are_not_replaced_by_those_of_the_first_shape() -> 
         check_request(asked | {"values": 4}, shapes, results, {}, None)
 
 
+def test_another_map_of_a_match_is_asked_for_by_its_number() -> None:
+    shapes = {1: {"state": "good"}, 2: {"state": "good"}}
+    other = {"path": "1.npz", "name": "other.npz", "command": ["match"], "python": ["match()"]}
+    result = {"shapes": [1, 2], "map_file": "0.npz", "files": [{"name": "map.npz"}]}
+    results = {3: result | {"alternatives": [other], "landmarks": [[4, 5]]}}
+    asked = {"do": "choose", "result": 3}
+    job = check_request(asked | {"alternative": 0}, shapes, results, {}, None)
+    assert (job["map_file"], job["map_name"]) == ("1.npz", "other.npz")
+    assert (job["command"], job["python"]) == (["match"], ["match()"])
+    assert (job["shapes"], job["landmarks"]) == ([1, 2], [[4, 5]])
+    for wrong in (1, -1, None, "0", True):
+        with pytest.raises(InputError, match="that map is not there"):
+            check_request(asked | {"alternative": wrong}, shapes, results, {}, None)
+
+
+def test_work_on_a_shape_that_was_removed_is_dropped(app, ply) -> None:
+    i = put(app, "ball.ply", ply)
+    app.wait(lambda s: not s["jobs"])
+    sample = app.send("POST", "jobs", {"do": "sample"})["id"]
+    app.send("POST", "jobs", {"do": "distance", "shapes": [i], "landmarks": [[1]]})
+    app.send("DELETE", f"shapes/{i}")
+    app.send("DELETE", f"jobs/{sample}")
+    state = app.wait(lambda s: not s["jobs"])
+    assert (state["shapes"], state["results"], state["troubles"]) == ([], [], [])
+
+
 def test_jobs_wait_in_a_queue_and_are_cancelled(app, ply) -> None:
     i = put(app, "ball.ply", ply)
     app.wait(lambda s: not s["jobs"])

@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 from stones import write_stones
 from unbend import read_match
 from unbend.cli import app
+from unbend.cli.collection import compare
 from unbend.collection import Collection
 from unbend.datasets import make_sphere
 from unbend.errors import InputError
@@ -178,7 +179,7 @@ def test_a_figure_tells_shapes_of_one_name_apart(
     assert names == ["a/scan/mesh.ply", "b/scan/mesh.ply", "stone01"]
 
 
-def test_matrix_and_groups(folder: Path) -> None:
+def test_matrix_and_groups(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     told = json_of("matrix", "shapes", "--csv", "table.csv", "--figure", "table.png")
     table = np.array(told["distances"])
     assert table.shape == (4, 4)
@@ -189,6 +190,10 @@ def test_matrix_and_groups(folder: Path) -> None:
     assert header == ["path", *told["paths"]] == ["path", *(row[0] for row in rows)]
     np.testing.assert_allclose(np.array([row[1:] for row in rows], dtype=float), table)
     assert len(run("matrix", "shapes").stdout.splitlines()) == 5
+    monkeypatch.setattr(compare, "_MOST_PRINTED", 3)
+    many = "compared 4 shapes, too many to print"
+    assert run("matrix", "shapes").stdout.startswith(f"{many}: add --csv OUT or --figure PNG\n")
+    assert run("matrix", "shapes", "--csv", "table.csv").stdout.startswith(f"{many}\n")
     groups = json_of("groups", "shapes", "-n", 2, "--csv", "groups.csv")["groups"]
     assert sorted(path for group in groups for path in group) == sorted(told["paths"])
     with open("groups.csv", newline="") as file:

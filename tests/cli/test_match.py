@@ -260,6 +260,13 @@ def test_evaluate_prints_a_table_and_draws_curves(folder: Path, tmp_path: Path) 
     assert list(told["protocols"]) == ["direct"]
     assert told["protocols"]["direct"]["n_rows"] == told["n_rows"] == 800
     assert f"{told['protocols']['direct']['mean']:.4f}" == lines[1].split()[1]
+    write_map(tmp_path / "part.vts", np.where(np.arange(800) < 80, -1, rest_map(SOURCE, TARGET)))
+    every = tmp_path / "every.vts"
+    write_map(every, np.arange(800))
+    done = right("evaluate", *arguments[:2], every, tmp_path / "part.vts")
+    overlap = done.stdout.splitlines()[-1]
+    assert overlap.startswith("overlap: ")
+    assert overlap.endswith("% precision, 100.0% recall")
     # The truth itself has no error, whatever its file counts from.
     for name, base in (("t.txt", 1), ("t.vts", 0)):
         write_map(tmp_path / name, rest_map(SOURCE, TARGET), base=base)

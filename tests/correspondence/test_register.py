@@ -281,6 +281,7 @@ def test_what_does_not_fit(moebius_strip: Mesh) -> None:
         (body, body, EVERY[1:], InputError, "the map has 999 source vertices, but .* has 1000"),
         (body, body, EVERY + 1, InputError, "names target vertex 1000"),
         (body, body, np.full(1000, -1), InputError, "fewer than 4 vertices"),
+        (Mesh(1e-170 * body.vertices, body.faces), body, EVERY, MeshError, "its area is 0; give"),
         (body, moebius_strip, np.zeros(1000, int), MeshError, "only one side"),
     ):
         with pytest.raises(kind, match=sentence):

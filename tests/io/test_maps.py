@@ -99,7 +99,7 @@ def test_numbers_that_floats_skip(tmp_path: Path) -> None:
 def test_only_maps_are_written(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="unknown suffix"):
         write_map(tmp_path / "map.obj", [1])
-    for wrong in ([], [[1]], [1.0], [-2, 3], ["a"]):
+    for wrong in ([], np.empty(0, int), [[1]], [1.0], [-2, 3], ["a"]):
         with pytest.raises(InputError, match=r"list of vertex numbers|no vertices"):
             write_map(tmp_path / "map.txt", wrong)
     with pytest.raises(InputError, match="base must be 0 or 1"):

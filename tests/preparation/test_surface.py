@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 from unbend import Mesh, diagnose
 from unbend._types import FloatArray
 from unbend.errors import MeshError
+from unbend.mesh import face_normals
 from unbend.preparation import _surface, surface_of_points, triangulate_points
 
 TURN = Rotation.from_rotvec([0.5, -1.2, 0.8]).as_matrix()
@@ -195,6 +196,15 @@ def test_triangles_join_all_points_but_outliers() -> None:
     outward = (normals * corners.mean(axis=1)).sum(axis=1) > 0
     assert areas.sum() == pytest.approx(4 * np.pi, rel=0.05)
     assert areas[outward].sum() > 0.98 * areas.sum()
+
+
+def test_points_too_close_to_be_corners_of_the_surface_split_its_triangles() -> None:
+    points = np.repeat(sphere(1000), 2, axis=0)
+    points[1::2] += 1e-5 * sphere(1000)[::-1]
+    drawn = triangulate_points(Mesh(points))
+    np.testing.assert_array_equal(np.unique(drawn.faces), np.arange(2000))
+    areas = np.linalg.norm(face_normals(points, drawn.faces), axis=1) / 2
+    assert areas.sum() == pytest.approx(4 * np.pi, rel=0.05)
 
 
 def test_a_cloud_that_is_asked_for_again_is_not_computed_again() -> None:

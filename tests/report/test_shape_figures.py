@@ -66,3 +66,6 @@ def test_shapes_of_a_row_have_the_same_vertices(tmp_path: Path) -> None:
     balls = [make_sphere(1), make_sphere(2)]
     with pytest.raises(InputError, match="height: its shapes must have the same vertices"):
         draw_variation([("height", balls)], ["-1", "+1"], tmp_path / "balls.png")
+    for rows in ([], [("height", balls[:1])]):
+        with pytest.raises(InputError, match="each row needs 2 shapes, one for each caption"):
+            draw_variation(rows, ["-1", "+1"], tmp_path / "balls.png")

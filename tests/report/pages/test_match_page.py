@@ -76,6 +76,16 @@ def test_the_page_tells_of_the_match_and_its_errors(blob: Mesh, found: Match) ->
     assert "expected error" not in match_page(blob, blob, replace(found, expected_error=None)).html
 
 
+def test_errors_against_the_mirror_image_and_of_missing_partners_are_told(blob: Mesh) -> None:
+    every = np.arange(642)
+    html = match_page(blob, blob, every, truth=(every, every, every)).html
+    assert "mean, reflection allowed (dashed)</th><td>0.0000" in html
+    assert "partners found that exist" not in html
+    html = match_page(blob, blob, every, truth=(every, np.where(every < 9, -1, every))).html
+    assert "share of existing partners found</th><td>100.0%" in html
+    assert "reflection allowed" not in html
+
+
 def test_each_map_is_evaluated_once(
     blob: Mesh, found: Match, monkeypatch: pytest.MonkeyPatch
 ) -> None:
