@@ -153,6 +153,14 @@ def test_nobody_answers(monkeypatch: pytest.MonkeyPatch) -> None:
         results(run, ["1"])
 
 
+def test_results_that_cannot_be_fetched_are_failures() -> None:
+    future: Future[Any] = Future()
+    future.set_exception(TypeError("cannot pickle a file"))
+    found = _engine._outcomes(future, ["1", "2"], [])
+    reason = "TypeError: cannot pickle a file"
+    assert found == [_engine.Outcome("1", None, reason), _engine.Outcome("2", None, reason)]
+
+
 def test_without_work_nobody_is_asked() -> None:
     with engine(scheduler="tcp://127.0.0.1:1") as run:
         assert results(run, [None]) == {}

@@ -39,7 +39,7 @@ SEVERAL = replace(
 )
 
 
-@pytest.mark.parametrize("match", [RIGHT, BARE, SEVERAL])
+@pytest.mark.parametrize("match", [RIGHT, BARE, SEVERAL, replace(BARE, confidence=np.nan)])
 def test_matches_round_trip(tmp_path: Path, match: Match) -> None:
     path = tmp_path / "match.npz"
     write_match(path, match)

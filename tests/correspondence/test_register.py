@@ -274,6 +274,13 @@ def test_onto_points_it_lies_on_their_surface() -> None:
     assert np.median(distance_to_faces(some, SCAN.mesh)) < 0.2 * mean_edge(SCAN.mesh)
 
 
+def test_a_template_of_four_vertices_comes_to_lie_on_the_scan() -> None:
+    faces = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]
+    template = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], faces)
+    found = register(template, make_sphere(3), np.array([0, 1, 2, 3]))
+    np.testing.assert_allclose(np.linalg.norm(found.mesh.vertices, axis=1), 1, atol=0.05)
+
+
 def test_what_does_not_fit(moebius_strip: Mesh) -> None:
     body = TEMPLATE.mesh
     for template, scan, mapping, kind, sentence in (
