@@ -10,6 +10,7 @@ from matplotlib.image import imread
 from unbend.datasets import make_octopus, make_sphere
 from unbend.errors import FileError, InputError, MeshError, MissingExtraError
 from unbend.mesh import Mesh
+from unbend.report import pattern_colors
 from unbend.report.colors import position_colors
 from unbend.report.figures import (
     as_written,
@@ -109,6 +110,11 @@ def test_position_colors_tell_points_apart():
 def test_positions_have_three_numbers(places: Any) -> None:
     with pytest.raises(InputError, match="vertices"):
         position_colors(places)
+
+
+def test_without_a_position_colors_are_grey():
+    for colors in (position_colors, pattern_colors):
+        assert (colors(np.full((2, 3), np.nan)) == 0.6).all()
 
 
 def test_position_colors_are_those_of_the_pages():

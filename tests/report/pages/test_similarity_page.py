@@ -60,6 +60,17 @@ def test_the_table_is_told_in_the_order_of_the_tree(three: list[Mesh], tmp_path:
     assert numbers == ["unknown" if np.isnan(one) else f"{one:.4f}" for one in want]
 
 
+def test_a_table_of_which_nothing_is_known_or_that_is_too_large_to_read(
+    three: list[Mesh], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    unknown = np.where(np.eye(3), 1.0, np.nan)
+    html = similarity_page(three, unknown).html
+    assert "no pair is known" in html
+    assert "As a table" in html
+    monkeypatch.setattr(_similarity_page, "_MOST_TOLD", 2)
+    assert "As a table" not in similarity_page(three, unknown).html
+
+
 def test_many_shapes_are_thinned_together(
     three: list[Mesh], monkeypatch: pytest.MonkeyPatch
 ) -> None:
