@@ -76,11 +76,10 @@ def register_collection(
     store.check_filled()
     if not os.path.exists(template):
         try:
-            template = find_file(store.find([template])[0], store.path)
-        except FileError:
-            raise
+            (shape,) = store.find([template])
         except InputError as error:
             raise InputError(f"there is no file {template}, and {error}") from None
+        template = find_file(shape, store.path)
     known: dict[str, IntArray] = {}
     for one, (name, pairs) in zip(store.find(list(landmarks)), landmarks.items(), strict=True):
         if one.id in known:
