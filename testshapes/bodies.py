@@ -86,7 +86,7 @@ def random_proportions(kind: str, body: int) -> dict[str, float]:
 
     Lengths of limbs, trunk and head are drawn from 0.6 to 1.6 of those of the plain body, girth
     and the thickness of limbs from 0.6 to 2, each on its own and evenly in their logarithms. Draws
-    whose parts would touch are thrown away.
+    whose parts would touch or come off are thrown away.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def _proportions(kind: str, body: int) -> tuple[tuple[str, float], ...]:
         }
         try:
             plain = _MAKERS[kind]({}, n_vertices=_N_VERTICES, **drawn)
-        except InputError:  # parts touch
+        except InputError:  # parts touch or come off
             continue
         if is_carried_well(plain.rest, plain.reference, plain.mesh.faces, plain.plain_bones):
             return tuple(drawn.items())
