@@ -26,6 +26,7 @@ from unbend.io.formats.npy import read_array, write_array
 
 VALUE_SUFFIXES = (".npy", ".csv", ".txt")
 _OPAQUE = "the transparency of colours is not kept"
+_UV = ["uv_0", "uv_1"]
 _EMPTY_LINE = re.compile(rb"\n\s*\n\s*\S")
 _NORMAL = ("nx", "ny", "nz")
 # Columns of mesh files that are one value: colours, and texture coordinates by three programs.
@@ -108,6 +109,12 @@ def read_named_values(
     with prefixed(path.name):
         if of_mesh:
             values, names = _of_mesh(given.values(), name, path)
+            for note in given.notes if names == _UV else ():
+                if "texture coordinates" in note:  # of one place, as at seams
+                    warn(
+                        f"{path.name}: {note}; a texture is wrong around them: turn it into "
+                        "colours of vertices, and carry these"
+                    )
         elif suffix == ".npy":
             values, names = read_array(given), []
         else:
