@@ -126,6 +126,9 @@ def test_transfer_colours_the_lines_of_an_obj(folder: Path) -> None:
     done = CliRunner().invoke(app, [*given, "--values", "two.ply"])
     assert done.exit_code == 2
     assert "two.ply: holds color, heat, cold; name one of them with --property" in done.stderr
+    done = CliRunner().invoke(app, [*given, "--values", "two.ply", "--property", "colour"])
+    assert done.exit_code == 2
+    assert "two.ply: holds no colour, but color, heat, cold; name one of them" in done.stderr
 
 
 def test_texture_coordinates_are_carried_by_their_name(folder: Path) -> None:

@@ -148,7 +148,9 @@ def _of_mesh(
         textured = "texture coordinates" in file_extras(path)
         hint = "; unbend register carries its texture" if textured else ""
         raise FileError(f"holds no values per vertex{hint}")
-    raise FileError(f"holds {', '.join(found)}; name one of them with --property (name= in Python)")
+    lacks = "" if name is None else f"no {name}, but "
+    held = ", ".join(found)
+    raise FileError(f"holds {lacks}{held}; name one of them with --property (name= in Python)")
 
 
 def _grouped(columns: dict[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
