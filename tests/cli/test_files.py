@@ -131,6 +131,17 @@ def test_transfer_colours_the_lines_of_an_obj(folder: Path) -> None:
     assert "two.ply: holds no colour, but color, heat, cold; name one of them" in done.stderr
 
 
+def test_painted_labels_stay_colours_of_a_mesh(folder: Path) -> None:
+    paint = np.array([[255, 0, 0], [0, 0, 255]], np.uint8)[np.arange(600) % 2]
+    write_mesh("paint.ply", SOURCE, colors=paint)
+    given = ["transfer", "a.ply", "b.ply", "--map", "map.npy", "--values", "paint.ply"]
+    for name in ("out.ply", "out.obj"):
+        right(*given, "--kind", "label", "-o", name)
+        np.testing.assert_array_equal(read_values(name, name="color"), paint)
+    right(*given, "--kind", "label", "-o", "out.csv")
+    np.testing.assert_array_equal(read_values("out.csv"), paint)
+
+
 def test_texture_coordinates_are_carried_by_their_name(folder: Path) -> None:
     uvs = SOURCE.vertices[:, :2]
     write_mesh("uv.ply", SOURCE, uvs=uvs, scalars={"heat": SAME})

@@ -87,7 +87,10 @@ def transfer(
         is_mesh = out.lower().endswith(io.COLOR_SUFFIXES)
         whole = component is None and chosen != "uv"
         like = output.lines_to_keep(out, target, whole=whole) if is_mesh else None
-        io.write_values(out, carried, b, kind=chosen, names=names, like=like)
+        stored, written = carried, chosen
+        if is_mesh and chosen == "label" and names[:1] == ["color_0"]:  # painted labels
+            stored, written = np.where(carried < 0, 128, carried).astype(np.uint8), "color"
+        io.write_values(out, stored, b, kind=written, names=names, like=like)
         filled = int((back >= 0).sum()) - len(np.unique(forward[forward >= 0]))
         if filled > 0 and not isinstance(found, unbend.Match):
             output.say(
