@@ -185,9 +185,13 @@ def test_what_stands_in_for_a_removed_shape_is_another_one(page, dogs):
     assert page.run(chosen) == ["standing.ply", "walking.ply"]
 
 
-def test_it_fits_a_telephone_and_the_dark(page, dogs, screenshots):
-    page.choose_file("#choose", *dogs)
-    page.wait_for(GOOD.format(2))
+def test_it_fits_a_telephone_and_the_dark(page, dogs, tmp_path, screenshots):
+    long = tmp_path / f"{'name' * 40}.ply"
+    long.write_bytes(dogs[0].read_bytes())
+    page.choose_file("#choose", long, *dogs)
+    page.wait_for(GOOD.format(3))
+    press(page, "Landmarks, distances")
+    page.wait_for("state.results.length === 1")
     page.resize(360, mobile=True)
     page.call(
         "Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": "dark"}]

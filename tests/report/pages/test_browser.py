@@ -261,6 +261,16 @@ def test_no_page_is_wider_than_a_small_telephone(browser, html, request) -> None
     assert wide == 320
 
 
+def test_long_names_do_not_widen_a_page(browser, dogs, tmp_path: Path) -> None:
+    long = [Mesh(one.vertices, one.faces, name="name" * 40) for one in dogs[:2]]
+    match_page(*long, dogs[2], tmp_path / "long.html")
+    browser.open(tmp_path / "long.html")
+    browser.resize(320, mobile=True)
+    wide = browser.run("document.documentElement.scrollWidth")
+    browser.resize()
+    assert wide == 320
+
+
 @pytest.fixture(scope="module")
 def form_html(dogs, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("pages") / "form.html"
