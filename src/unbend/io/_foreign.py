@@ -21,8 +21,8 @@ from unbend.mesh import Mesh
 _GLTF = (".glb", ".gltf")
 _TRIMESH = (*_GLTF, ".3mf", ".dae")
 _MESHIO = (".vtk", ".vtu", ".msh", ".mesh", ".inp", ".bdf")
-_FREESURFER = (".pial", ".white", ".inflated", ".sphere", ".thickness", ".curv", ".sulc", ".annot")
-_NIBABEL = (".gii", *_FREESURFER)
+_FREESURFER = (".pial", ".white", ".inflated", ".sphere")  # its surfaces
+_NIBABEL = (".gii", *_FREESURFER, ".thickness", ".curv", ".sulc", ".annot")
 _READ_BY_NIBABEL = ("read by nibabel",)
 _POINTSET, _TRIANGLE, _NODE_INDEX = 1008, 1009, 2002  # GIFTI's intents, numbered as in NIfTI
 _WORDS = {"color": "colours", "uv": "texture coordinates"}
@@ -140,7 +140,7 @@ def _by_nibabel(path: Path, data: bytes) -> Contents:
     suffix = path.suffix.lower()
     if suffix == ".gii":
         return _of_gifti(nibabel.GiftiImage.from_bytes(data))
-    if suffix in (".pial", ".white", ".inflated", ".sphere"):
+    if suffix in _FREESURFER:
         vertices, faces = nibabel.freesurfer.read_geometry(path)
         return Contents(vertices, faces, _READ_BY_NIBABEL)
     if suffix == ".annot":

@@ -8,7 +8,7 @@ import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -36,7 +36,15 @@ _SCHEMA = (
     "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/"
     "Resources/Schema/markups-schema-v1.0.3.json#"
 )
-_DAMAGE = (ValueError, LookupError, TypeError, AttributeError, RecursionError, csv.Error)
+_DAMAGE = (
+    ValueError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    RecursionError,
+    csv.Error,
+    ElementTree.ParseError,
+)
 # Slicer's older files have numbers for their axes.
 _FLIPS = {"LPS": 1, "RAS": -1, "1": 1, "0": -1}
 
@@ -73,14 +81,37 @@ def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
         Of points that lie elsewhere than the vertices they are described as, and of points at
         different places that are one vertex.
     """
-    labels, vertices, _ = _read(Path(path), as_mesh(mesh))
+    labels, vertices, _ = _read(Path(path), _places(as_mesh(mesh)))
     return labels, vertices
 
 
-def _read(path: Path, mesh: Mesh) -> tuple[list[str], IntArray, FloatArray]:
+class _Places(NamedTuple):
+    """Where landmarks of a mesh may be."""
+
+    mesh: Mesh
+    vertices: IntArray  # those of its surface
+    tree: cKDTree  # of their positions
+    size: float  # of the mesh
+
+
+def _places(mesh: Mesh) -> _Places:
+    used = used_vertices(mesh)
+    there = np.flatnonzero(np.isfinite(used).all(axis=1))
+    if not len(there):
+        raise InputError(f"{mesh.name} has no vertices to be landmarks")
+    size = float(np.linalg.norm(np.ptp(used[there], axis=0)))
+    return _Places(mesh, there, cKDTree(used[there]), size)
+
+
+def _off(points: FloatArray, around: _Places) -> float:
+    """Mean distance of points from a mesh, as a share of its size."""
+    return float(around.tree.query(points)[0].mean()) / (around.size or 1.0)
+
+
+def _read(path: Path, around: _Places) -> tuple[list[str], IntArray, FloatArray]:
     """Read landmarks as :func:`read_markups` does, and where they are in the file."""
     data, suffix = read_bytes(path, (*MARKUP_SUFFIXES, *_TABLES)), path.suffix.lower()
-    there, tree, size = _search(mesh)
+    mesh, there, tree, size = around
     vertices, away, n_moved = [], [], 0
     with prefixed(path.name):
         try:
@@ -90,7 +121,7 @@ def _read(path: Path, mesh: Mesh) -> tuple[list[str], IntArray, FloatArray]:
                 points = {".json": _mrk_json, ".fcsv": _fcsv, ".pp": _pp}[suffix](data)
         except FileError:
             raise
-        except (*_DAMAGE, ElementTree.ParseError) as e:
+        except _DAMAGE as e:
             program = "MeshLab" if suffix == ".pp" else "3D Slicer"
             raise FileError(f"not a landmark file of {program}, or a damaged one") from e
         if not points:
@@ -141,21 +172,6 @@ def _read(path: Path, mesh: Mesh) -> tuple[list[str], IntArray, FloatArray]:
     return [label for label, _, _ in points], np.array(vertices, dtype=np.int64), places
 
 
-def _search(mesh: Mesh) -> tuple[IntArray, cKDTree, float]:
-    """Vertices that may be landmarks, a tree of their positions, and the size of the mesh."""
-    used = used_vertices(mesh)
-    there = np.flatnonzero(np.isfinite(used).all(axis=1))
-    if not len(there):
-        raise InputError(f"{mesh.name} has no vertices to be landmarks")
-    return there, cKDTree(used[there]), float(np.linalg.norm(np.ptp(used[there], axis=0)))
-
-
-def _off(points: FloatArray, mesh: Mesh) -> float:
-    """Mean distance of points from a mesh, as a share of its size."""
-    _, tree, size = _search(mesh)
-    return float(tree.query(points)[0].mean()) / (size or 1.0)
-
-
 def read_markup_pairs(
     paths: Sequence[StrPath], source: MeshLike, target: MeshLike
 ) -> tuple[list[str], IntArray]:
@@ -170,14 +186,14 @@ def read_markup_pairs(
     """
     if len(paths) != 2:
         raise InputError(f"landmarks of two meshes need two files, not {len(paths)}")
-    a, b = as_mesh(source), as_mesh(target)
+    a, b = _places(as_mesh(source)), _places(as_mesh(target))
     labels, first, on_a = _read(Path(paths[0]), a)
     others, second, on_b = _read(Path(paths[1]), b)
     off = _off(on_a, a) + _off(on_b, b)
     if off > _MOVED and _off(on_a, b) + _off(on_b, a) < off / _CLOSER_TO_OTHER:
         raise FileError(
-            f"{paths[0]} fits {b.name} and {paths[1]} fits {a.name}: give the files of landmarks "
-            "the other way round"
+            f"{paths[0]} fits {b.mesh.name} and {paths[1]} fits {a.mesh.name}: give the files of "
+            "landmarks the other way round"
         )
     keys, its = labels, others
     if set(labels) != set(others):
