@@ -9,7 +9,7 @@ import time
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple
 from zipfile import BadZipFile
 
 import numpy as np
@@ -36,7 +36,7 @@ from unbend.collection._store import Store, check_outside
 from unbend.correspondence import Registration, check_template, register, write_registration
 from unbend.errors import FileError, InputError, file_errors, heard, warn
 from unbend.io import atomic_write, moved_obj, read_bytes, read_mesh, read_table, write_table
-from unbend.matching import landmark_pairs, match, prepare_spectrum
+from unbend.matching import check_partial, landmark_pairs, match, prepare_spectrum
 from unbend.mesh import Mesh
 
 _TABLE = "shapes.csv"
@@ -135,8 +135,7 @@ def _register(
     progress: Progress | None,
 ) -> Registered:
     start, began = time.monotonic(), time.time()
-    if partial not in get_args(Partial):
-        raise InputError(f"partial must be one of {', '.join(get_args(Partial))}, not {partial!r}")
+    check_partial(partial)
     mesh = read_mesh(template)
     check_template(mesh)
     prepare_spectrum(mesh)  # before anything is written: the template may be unusable

@@ -1,11 +1,12 @@
 """Matching two deformable shapes, and one with its own mirror image."""
 
-from unbend.matching._match import landmark_pairs, match, prepare_spectrum, symmetry
+from unbend.matching._match import check_partial, landmark_pairs, match, prepare_spectrum, symmetry
 from unbend.matching._result import Hypothesis, Match, warn_of_disorder
 
 __all__ = [
     "Hypothesis",
     "Match",
+    "check_partial",
     "landmark_pairs",
     "match",
     "prepare_spectrum",

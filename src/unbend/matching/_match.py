@@ -145,8 +145,7 @@ def match(
     >>> bool((found.source_to_target == np.arange(len(stone))).all())
     True
     """
-    if partial not in get_args(Partial):
-        raise InputError(f"partial must be one of {', '.join(get_args(Partial))}, not {partial!r}")
+    check_partial(partial)
     check_whole(n_matches, "n_matches", 1)
     check_whole(n_eigenpairs, "n_eigenpairs", _LEAST_EIGENPAIRS)
     torn = [partial in ("auto", "both", side) for side in ("source", "target")]
@@ -278,6 +277,12 @@ def symmetry(
         progress("refine", 1.0)
     shares, apart = _lead_shares(found, sides), differences(sides, found)
     return _result(one, one, sides, exact(sides, fine[found[0]]), found, shares, apart)
+
+
+def check_partial(partial: str) -> None:
+    """Raise InputError if that is no choice of which shapes may be partial."""
+    if partial not in get_args(Partial):
+        raise InputError(f"partial must be one of {', '.join(get_args(Partial))}, not {partial!r}")
 
 
 def landmark_pairs(landmarks: npt.ArrayLike, name: str = "landmarks") -> IntArray:
