@@ -120,6 +120,22 @@ def test_landmarks_are_shown_on_both_shapes(browser, match_html, dogs, tmp_path)
     assert np.hypot(*apart) < 25
 
 
+def test_labels_at_the_edge_are_not_cut_off(browser, dogs, tmp_path) -> None:
+    source, target, forward = dogs
+    rows = {f"landmark {i} of the dog": (i, forward[i]) for i in range(0, LOST, 40)}
+    match_page(source, target, forward, tmp_path / "labels.html", landmarks=rows)
+    browser.open(tmp_path / "labels.html")
+    browser.run(
+        "written = []; CanvasRenderingContext2D.prototype.fillText = function (text, left) {"
+        " written.push((left + this.measureText(text).width) / this.canvas.width) }"
+    )
+    browser.run("part('source').view.change({})")
+    browser.settle()
+    ends = browser.run("written")
+    assert len(ends) >= len(rows)
+    assert max(ends) <= 1
+
+
 def test_the_click_hits_the_vertex_under_the_pointer(browser, match_html, dogs) -> None:
     browser.resize(scale=1)  # the mark is a thin ring
     browser.open(match_html)

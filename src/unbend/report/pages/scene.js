@@ -194,7 +194,7 @@ class View {
     gl.depthMask(true);
   }
 
-  // The landmarks' labels beside them, faint on the far side.
+  // The landmarks' labels beside them, within the picture, faint on the far side.
   writeLabels(context, ratio) {
     context.font = `600 ${13 * ratio}px system-ui, sans-serif`;
     context.lineWidth = 3 * ratio;
@@ -205,8 +205,10 @@ class View {
       context.globalAlpha = this.facing(mesh, vertex) > HIDDEN ? 1 : 0.35;
       context.strokeStyle = "#fff";
       context.fillStyle = "#111";
-      context.strokeText(label, x + 9 * ratio, y - 8 * ratio);
-      context.fillText(label, x + 9 * ratio, y - 8 * ratio);
+      const { width } = context.canvas, last = width - context.measureText(label).width - 3 * ratio;
+      const beside = x + 9 * ratio, left = last > 0 && x < width ? Math.min(beside, last) : beside;
+      context.strokeText(label, left, y - 8 * ratio);
+      context.fillText(label, left, y - 8 * ratio);
     }
     context.globalAlpha = 1;
   }
