@@ -6,7 +6,7 @@ import matplotlib
 import numpy as np
 import pytest
 
-from browser import Browser, changed
+from browser import Browser, changed, drawn
 from unbend import Mesh
 from unbend.datasets import make_quadruped
 from unbend.report import search_page, similarity_page
@@ -150,6 +150,19 @@ def test_the_page_is_readable_in_the_dark_and_on_a_telephone(page, screenshots) 
     page.resize()
     assert np.median(picture) < 0.2
     assert wide == 390
+
+
+def test_colours_that_mean_something_are_seen_where_colours_are_forced(page) -> None:
+    forced = [{"name": "forced-colors", "value": "active"}]
+    page.call("Emulation.setEmulatedMedia", features=forced)
+    scale = page.picture(".scale")
+    borders = page.run(
+        "['true', 'false'].map(pressed => getComputedStyle("
+        "document.querySelector(`[aria-pressed=${pressed}]`)).borderTopColor)"
+    )
+    page.call("Emulation.setEmulatedMedia", features=[])
+    assert drawn(scale) > 0.9
+    assert borders[0] != borders[1]
 
 
 def test_what_was_found_opens_beside_what_was_looked_for(browser, search_html, screenshots) -> None:
