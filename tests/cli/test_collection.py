@@ -103,6 +103,9 @@ def test_identical_files_show_as_one_shape(folder: Path, tmp_path: Path) -> None
     assert json_of("matrix", store)["also"] == [[copies[1], paths[0]], []]
     (group,) = json_of("groups", store, "-n", 1, "--csv", tmp_path / "out.csv")["groups"]
     assert sorted(group) == sorted(every)
+    run("groups", store, "-n", 1, "--report", tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert f"also {copies[1]}; also {paths[0]}" in page
     with open(tmp_path / "out.csv", newline="") as file:
         assert [row["path"] for row in csv.DictReader(file)] == sorted(every)
     assert "next:" not in run("groups", store).stdout  # of two shapes no number stands out

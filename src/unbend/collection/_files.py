@@ -151,8 +151,8 @@ def without_file(shapes: Iterable[Entry], store: str) -> list[Failure]:
 def read_found(shapes: Sequence[Entry | Hit], store: str) -> tuple[list[Mesh], list[Failure]]:
     """Read shapes of the collection at `store` to show them, and tell which cannot be read.
 
-    Each has the name of its file, or its path where names are alike. One that cannot be read is a
-    point, with a note that says why.
+    Each has the name of its file, or its path where names are alike, and notes that name its other
+    paths. One that cannot be read is a point, with a note that says why.
     """
     alike = Counter(Path(one.path).name for one in shapes)
     meshes, failures = [], []
@@ -163,7 +163,9 @@ def read_found(shapes: Sequence[Entry | Hit], store: str) -> tuple[list[Mesh], l
             failures.append(Failure(one.path, str(error)))
             mesh = Mesh([[0, 0, 0]], notes=(f"not drawn: {error}",))
         name = Path(one.path).name
-        meshes.append(replace(mesh, name=name if alike[name] == 1 else one.path))
+        shown = name if alike[name] == 1 else one.path
+        notes = (*mesh.notes, *(f"also {path}" for path in one.also))
+        meshes.append(replace(mesh, name=shown, notes=notes))
     return meshes, failures
 
 
