@@ -165,6 +165,14 @@ def test_files_of_other_kinds_are_refused(app, name) -> None:
     assert "end in .off" in json.loads(text)["error"]
 
 
+def test_what_carries_values_is_told_once_each(app) -> None:
+    status, _, text = app.ask("PUT", "files?as=values&name=x.docx", b"x")
+    assert status == 400
+    kinds = json.loads(text)["error"].split(" end in ")[1].split(", ")
+    assert {".csv", ".json", ".pp", ".npy", ".ply"} < set(kinds)
+    assert len(kinds) == len(set(kinds))
+
+
 def test_names_are_labels_and_never_paths(app, ply, temporary: Path) -> None:
     before = set(temporary.parent.rglob("*.ply"))
     i = put(app, "../../../outside.ply", ply)

@@ -227,7 +227,7 @@ function uses(result) {
     make("div", { class: "controls", role: "group", "aria-label": "Carry values" },
       button("Carry values to the second", carry),
       make("label", {}, "of the file ", file), make("label", {}, "property, if it is a mesh with several ", column),
-      make("span", { class: "hint" }, "a table, landmarks of 3D Slicer, or nothing: the colours and values in the first shape\u2019s own file")));
+      make("span", { class: "hint" }, "a table, landmarks of 3D Slicer or MeshLab, or nothing: the colours and values in the first shape\u2019s own file")));
 }
 
 // The landmarks that were placed on the page of a result, and what can be done with them.
