@@ -412,6 +412,15 @@ def test_thinned_shapes_have_the_numbers_of_the_files(
     assert table(browser) == [[i] for i in range(900)]
 
 
+def test_what_does_nothing_cannot_be_pressed(page) -> None:
+    faint = "['undo', 'grid'].map(id => part(id)).filter(e => e.matches(':disabled') &&"
+    faint += " getComputedStyle(e.closest('label') || e).opacity < 1).map(e => e.id)"
+    assert page.run(faint) == ["undo", "grid"]  # nothing is placed, and the colour is plain
+    page.run("(s => { s.value = '0'; s.dispatchEvent(new Event('change')) })(part('paint'))")
+    page.click(*page.middle("#shape-0"))
+    assert page.run(faint) == []
+
+
 def test_values_and_edges_are_drawn_and_told(browser, dogs, tmp_path, screenshots) -> None:
     values = dogs[0].vertices[:, 1].copy()
     values[:50] = np.nan

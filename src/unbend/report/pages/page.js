@@ -114,6 +114,12 @@ function listenToControls(views, shapes = views) {
       for (const view of views) view.change({ [name]: event.target.checked });
     });
   }
+  const grid = part("grid"), paint = part("paint");
+  const offerGrid = () => { grid.disabled = !["0", "place"].includes(paint.value); }; // drawn on these alone
+  if (grid) {
+    paint.addEventListener("change", offerGrid);
+    offerGrid();
+  }
   part("picture").addEventListener("click", () => savePicture(shapes));
 }
 
