@@ -49,12 +49,22 @@ def test_a_healthy_mesh(folder: Path) -> None:
 
 
 def test_two_components_need_an_option(folder: Path) -> None:
-    write_mesh("two meshes.off", (np.vstack([VERTICES, VERTICES]), np.vstack([FACES, FACES + 4])))
+    faces = np.vstack([FACES, FACES + 4])
+    write_mesh("two meshes.off", (np.vstack([VERTICES, VERTICES + 2]), faces))
     code, out, _ = check("two meshes.off")
     assert code == 0
     assert "matches the largest; else needs --component largest (vertices: 4, 4)" in out
     assert "one component of this mesh" in out
     assert "next: unbend canonical 'two meshes.off' -o OUT.ply --component largest" in out
+
+
+def test_components_that_meet_in_seams_are_to_be_merged(folder: Path) -> None:
+    vertices = np.vstack([VERTICES, VERTICES * [-1, 1, 1]])
+    write_mesh("cut.off", (vertices, np.vstack([FACES, FACES[:, ::-1] + 4])))
+    code, out, _ = check("cut.off")
+    assert code == 0
+    assert "3 vertices are where another component has one: merge such vertices first if" in out
+    assert "next:" not in out
 
 
 def test_faces_that_are_turned_are_no_sign_of_health(folder: Path) -> None:

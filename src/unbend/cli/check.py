@@ -11,6 +11,7 @@ from unbend._text import quoted
 from unbend.cli._input import expand_folders
 from unbend.cli._output import EXIT_REFUSED, progress, say, table, tell
 from unbend.errors import InputError, UnbendError
+from unbend.mesh import find_components
 
 
 def check(meshes: list[str]) -> None:
@@ -73,15 +74,17 @@ def _judge(
         except InputError as refusal:
             sentence = f"unbend can work with this point cloud, but cannot match it: {refusal}"
     elif several:
-        sentence = "unbend can work with one component of this mesh."
-        command += " --component largest"
+        components = find_components(shape.faces, shape.n_vertices)
+        seams = unbend.preparation.describe_seams(shape, components)
+        sentence = f"unbend can work with one component of this mesh{seams}."
+        command = "" if seams else f"{command} --component largest"
     elif health.one_sided:
         sentence = "unbend can work with this mesh, but cannot match it."
     elif not (prepared.notes or health.inconsistent_edges or health.inside_out):
         sentence = "This mesh is healthy."
     if rounding := unbend.preparation.describe_rounding(prepared.mesh):
         sentence = f"{sentence[:-1]}, but its {rounding}"
-    return True, sentence, command
+    return True, sentence, command or None
 
 
 def _overview(found: list[dict[str, Any]]) -> list[str]:
