@@ -103,7 +103,7 @@ def match(
     mirrored : bool, default=False
         Whether to give the best orientation-reversing map too.
     progress : callable, optional
-        Called with a stage's name and the share of it that is done.
+        Called with a stage's name and the share of it that is done: 0 when it begins.
 
     Returns
     -------
@@ -149,9 +149,11 @@ def match(
     check_whole(n_matches, "n_matches", 1)
     check_whole(n_eigenpairs, "n_eigenpairs", _LEAST_EIGENPAIRS)
     torn = [partial in ("auto", "both", side) for side in ("source", "target")]
+    if progress is not None:
+        progress("spectrum", 0.0)
     ours, theirs = prepare_shapes((source, target), n_eigenpairs, torn)
     if progress is not None:
-        progress("spectrum", 1.0)
+        progress("search", 0.0)
     labels: list[str] = []
     if isinstance(landmarks, Mapping):
         labels, landmarks = list(landmarks), list(landmarks.values())
@@ -166,6 +168,8 @@ def match(
     turned = candidates(sides.reflected(), progress) if mirrored or allow_mirror else []
     if allow_mirror:
         found = ranked([*found, *turned])
+    if progress is not None:
+        progress("refine", 0.0)
     (found, fine), other_hand = run_all(
         [
             functools.partial(reranked, sides, found, polish=refine),
@@ -267,11 +271,15 @@ def symmetry(
     True
     """
     check_whole(n_eigenpairs, "n_eigenpairs", _LEAST_EIGENPAIRS)
+    if progress is not None:
+        progress("spectrum", 0.0)
     one = prepare_shape(mesh, n_eigenpairs)
     if progress is not None:
-        progress("spectrum", 1.0)
+        progress("search", 0.0)
     sides = make_sides(one.shape, one.shape).reflected()
     found = candidates(sides, progress)
+    if progress is not None:
+        progress("refine", 0.0)
     found, fine = reranked(sides, found, polish=refine)
     if progress is not None:
         progress("refine", 1.0)
