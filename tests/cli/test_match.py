@@ -10,7 +10,7 @@ import pytest
 import trimesh
 from typer.testing import CliRunner
 
-from sheets import make_egg
+from sheets import make_egg, make_torus
 from stones import write_stones
 from testshapes.damage import keep
 from unbend import morph, read_mesh, write_mesh
@@ -88,8 +88,17 @@ def test_match_writes_a_map_without_the_rest_of_the_match(tmp_path: Path) -> Non
     told = dict(line.split(maxsplit=1) for line in found)
     assert told["matched"].startswith("162 vertices of stone00.ply to stone01.ply, ")
     assert 0 <= float(told["confidence"].split()[0]) <= 1
-    assert next_step.startswith("next: unbend transfer")
+    assert next_step.startswith("next: ")
     assert len(read_map(out, n_target=162)) == 162
+
+
+def test_a_doubtful_map_is_to_be_looked_at_and_not_to_be_used(tmp_path: Path) -> None:
+    (stone,) = write_stones(tmp_path, 1)
+    write_mesh(tmp_path / "ring.ply", make_torus(20, 8))
+    out = tmp_path / "map.npz"
+    done = right("match", stone, tmp_path / "ring.ply", "-o", out, "--no-refine")
+    assert "the match is doubtful" in done.stderr
+    assert done.stdout.endswith(f"written: {out}\nnext: add --report HTML to look at it\n")
 
 
 def test_match_takes_a_component(tmp_path: Path) -> None:
@@ -120,9 +129,13 @@ def test_match_takes_a_component(tmp_path: Path) -> None:
         assert done.exit_code == 2
         assert "there is no component 2" in done.stderr
     # What the command suggests takes the map, whose places are on the faces of that component.
-    given = ["match", other, tmp_path / "two.ply", "--no-refine", "--component", "largest"]
-    done = right(*given, "-o", tmp_path / "map.npz")
-    np.save(tmp_path / "values.npy", np.arange(162) / 7)
+    dog = make_quadruped("walking", n_vertices=600).mesh
+    write_mesh(tmp_path / "dog.ply", dog)
+    both = np.vstack([ball.vertices + 9, dog.vertices])
+    write_mesh(tmp_path / "two.ply", (both, np.vstack([ball.faces, dog.faces + 42])))
+    given = ["match", tmp_path / "dog.ply", tmp_path / "two.ply", "--component", "largest"]
+    done = right(*given, "--no-refine", "-o", tmp_path / "map.npz")
+    np.save(tmp_path / "values.npy", np.arange(600) / 7)
     said = done.stdout.splitlines()[-1].removeprefix("next: unbend ")
     said = said.replace("VALUES", f"{tmp_path}/values").replace("OUT", f"{tmp_path}/out")
     right(*shlex.split(said))

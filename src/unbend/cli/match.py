@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 import unbend
+from unbend._display import is_doubtful
 from unbend._text import plural, quoted
 from unbend.choices import Axis, Partial
 from unbend.cli import _input as inputs
@@ -101,10 +102,13 @@ def match(
         map_out = figure = report = colored = None
     maps = maps[:count] if map_out else []
     output.progress("writing", 0)
-    next_step = "add -o MAP.npz to keep the match, --report HTML to look at it"
-    if map_out is not None:
-        for path, one in zip(maps, (found, *found.alternatives), strict=True):
-            inputs.write_result(path, one, shapes)
+    for path, one in zip(maps, (found, *found.alternatives), strict=False):
+        inputs.write_result(path, one, shapes)
+    if map_out is None:
+        next_step = "add -o MAP.npz to keep the match, --report HTML to look at it"
+    elif is_doubtful(found.confidence):
+        next_step = "add --report HTML to look at it"
+    else:
         paths = f"{quoted(source, target)} --map {quoted(map_out)}"
         next_step = f"unbend transfer {paths} --values VALUES.npy -o OUT.npy"
         next_step += f" --component {component}" if component is not None else ""
