@@ -50,6 +50,7 @@ def folder(tmp_path, monkeypatch):
         write_mesh(tmp_path / f"{name}.ply", body.mesh)
         ends = body.mesh.vertices.argmax(axis=0)[:2]
         write_markups(tmp_path / f"{name}.mrk.json", body.mesh, ends, ["left hand", "head"])
+    write_mesh(tmp_path / "scan.glb", body.mesh, uvs=body.mesh.vertices[:, :2])
     np.save(tmp_path / "thickness.npy", np.ones(500))
     monkeypatch.chdir(tmp_path)
     return tmp_path
