@@ -217,6 +217,15 @@ def test_landmarks_are_carried_and_lead_a_match(folder: Path) -> None:
     assert "--landmarks takes one .csv file" in done.stderr
 
 
+def test_values_that_do_not_fit_their_kind_are_refused_before_matching(folder: Path) -> None:
+    np.save("weights.npy", np.full((600, 2), 0.7))
+    given = ["transfer", "a.ply", "b.ply", "--values", "weights.npy", "--kind", "weights"]
+    done = CliRunner().invoke(app, [*given, "--save-match", "match.npz", "-o", "out.csv"])
+    assert done.exit_code == 2
+    assert "row 0 sums to 1.4" in done.stderr
+    assert not Path("match.npz").exists()
+
+
 def test_landmarks_without_a_partner_are_named_and_not_counted(folder: Path) -> None:
     write_markups("a.mrk.json", SOURCE, [3, 500, 77], ["nose", "tail", "paw"])
     write_map("torn.csv", np.where(SAME == 500, -1, SAME))

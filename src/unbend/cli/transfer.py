@@ -66,6 +66,8 @@ def transfer(
         array, names = io.read_named_values(values, n_vertices=a.n_vertices, name=property_name)
         chosen = unbend.correspondence.value_kind(array, kind, names)
         io.check_storable(out, array, chosen)
+        if chosen != "label":
+            unbend.correspondence.checked_numbers(array, chosen)
     found = read_or_match(shapes, matching)
     if isinstance(found, unbend.Match):
         forward, back = found.source_to_target, found.target_to_source

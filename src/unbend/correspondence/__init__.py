@@ -7,6 +7,7 @@ from unbend.correspondence._register import Registration, register, write_regist
 from unbend.correspondence._register import check_template as check_template
 from unbend.correspondence._similarity import aligned_cosine, similarity
 from unbend.correspondence._transfer import as_point_map, carry, transfer, value_kind
+from unbend.correspondence._transfer import checked_numbers as checked_numbers
 
 __all__ = [
     "THRESHOLDS",

@@ -114,7 +114,7 @@ def carry(
     lost = corners[:, 0] < 0
     if chosen == "label":
         return _vote(array, corners, shares, lost)
-    carried = _average(_checked_numbers(array, chosen), corners, shares)
+    carried = _average(checked_numbers(array, chosen), corners, shares)
     carried[lost] = np.nan
     if chosen == "weights":
         carried /= carried.sum(axis=1, keepdims=True)
@@ -233,7 +233,8 @@ def value_kind(array: npt.NDArray[Any], kind: str = "auto", names: Sequence[str]
     return "label"
 
 
-def _checked_numbers(array: npt.NDArray[Any], kind: str) -> FloatArray:
+def checked_numbers(array: npt.NDArray[Any], kind: str) -> FloatArray:
+    """Return values as numbers that can be averaged as a kind, or raise InputError."""
     if array.dtype.kind == "U":
         raise InputError(f'text cannot be averaged as {kind}; use kind="label"')
     numbers = array.astype(np.float64)
