@@ -7,7 +7,7 @@ from testshapes.scanning import add_components
 from unbend import Match, Mesh
 from unbend.correspondence import morph
 from unbend.datasets import make_quadruped, make_sphere
-from unbend.errors import InputError
+from unbend.errors import InputError, UnbendWarning
 
 
 def _edges(mesh: Mesh, vertices: np.ndarray) -> np.ndarray:
@@ -106,6 +106,15 @@ def test_smaller_components_of_a_match_keep_their_form_beside_what_is_nearest(t:
         radii = np.linalg.norm(found[eye] - found[eye].mean(axis=0), axis=1)
         np.testing.assert_allclose(radii, radius, rtol=0.3)
         assert np.linalg.norm(found[eye].mean(axis=0) - found[middle]) < 0.5 * radius
+
+
+def test_shapes_in_different_units_are_told(blob: Mesh) -> None:
+    large = Mesh(1000 * blob.vertices, blob.faces, name="mm.obj")
+    every = np.arange(blob.n_vertices)
+    for pair in ((blob, large), (large, blob)):
+        with pytest.warns(UnbendWarning, match=r"mm\.obj is 1,000 times as large as"):
+            morph(*pair, every, 0.5)
+        morph(*pair, every, 1)
 
 
 def test_points_go_straight() -> None:

@@ -13,10 +13,12 @@ from unbend.alignment import nearest_rotation, procrustes
 from unbend.correspondence._fitting import in_unmatched_components, joined
 from unbend.correspondence._transfer import positions_on_target
 from unbend.deformation import ElasticSurface
-from unbend.errors import InputError
+from unbend.errors import InputError, warn
 from unbend.io import MeshLike, as_mesh
 from unbend.matching import Match
 from unbend.mesh import Mesh, edge_ends
+
+_MOST_RATIO = 10  # of sizes in one unit
 
 # Rotations are averaged over so many rings of neighbours, which hides the rounding to vertices.
 _AVERAGED_RINGS = 4
@@ -54,6 +56,11 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
     ------
     InputError
         If `t` is not finite, or the map does not fit the shapes.
+
+    Warns
+    -----
+    UnbendWarning
+        If one shape is more than ten times as large as the other, unless `t` is 0 or 1.
 
     Notes
     -----
@@ -97,6 +104,13 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
         goal = _extended(surface, goal, moving, rotation, size)
     if t == 1:
         return Mesh(goal, source.faces, name=name)
+    ratio = max(size, 1 / size) if size > 0 else 1.0
+    if ratio > _MOST_RATIO:
+        large, small = (target, source) if size > 1 else (source, target)
+        warn(
+            f"{large.name} is {ratio:,.0f} times as large as {small.name}: they may be in "
+            "different units; use one"
+        )
     # The shape changes in the source's own frame; then the rigid motion follows.
     goal = (goal - translation) @ rotation
     between = start + t * (goal - start)
