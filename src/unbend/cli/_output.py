@@ -139,7 +139,7 @@ def progress(stage: str, share: float) -> None:
             words = TextColumn("{task.percentage:>3.0f}%  {task.description}", markup=False)
             console = Console(stderr=True)
             _run.bar = Progress(
-                SpinnerColumn(), BarColumn(), words, console=console, transient=True
+                SpinnerColumn("line"), BarColumn(), words, console=console, transient=True
             )
             _run.bar.add_task(stage, total=1.0)
             _run.bar.start()
