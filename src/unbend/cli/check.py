@@ -11,7 +11,6 @@ from unbend._text import quoted
 from unbend.cli._input import expand_folders
 from unbend.cli._output import EXIT_REFUSED, progress, say, table, tell
 from unbend.errors import InputError, UnbendError
-from unbend.mesh import find_components
 
 
 def check(meshes: list[str]) -> None:
@@ -74,7 +73,7 @@ def _judge(
         except InputError as refusal:
             sentence = f"unbend can work with this point cloud, but cannot match it: {refusal}"
     elif several:
-        components = find_components(shape.faces, shape.n_vertices)
+        components = unbend.mesh.find_components(shape.faces, shape.n_vertices)
         seams = unbend.preparation.describe_seams(shape, components)
         sentence = f"unbend can work with one component of this mesh{seams}."
         command = "" if seams else f"{command} --component largest"

@@ -104,11 +104,11 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
         goal = _extended(surface, goal, moving, rotation, size)
     if t == 1:
         return Mesh(goal, source.faces, name=name)
-    ratio = max(size, 1 / size) if size > 0 else 1.0
-    if ratio > _MOST_RATIO:
-        large, small = (target, source) if size > 1 else (source, target)
+    small, large = sorted((source, target), key=_extent)
+    least, most = _extent(small), _extent(large)
+    if 0 < _MOST_RATIO * least < most:
         warn(
-            f"{large.name} is {ratio:,.0f} times as large as {small.name}: they may be in "
+            f"{large.name} is {most / least:,.0f} times as large as {small.name}: they may be in "
             "different units; use one"
         )
     # The shape changes in the source's own frame; then the rigid motion follows.
@@ -119,6 +119,12 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
     share = Rotation.from_rotvec(t * Rotation.from_matrix(rotation).as_rotvec()).as_matrix()
     travel = center @ rotation.T + translation - center
     return Mesh((between - center) @ share.T + center + t * travel, source.faces, name=name)
+
+
+def _extent(mesh: Mesh) -> float:
+    """Longest side of the box around a mesh."""
+    vertices = mesh.vertices
+    return float(np.max(np.nanmax(vertices, axis=0) - np.nanmin(vertices, axis=0)))
 
 
 def _growth(start: FloatArray, goal: FloatArray, moving: BoolArray, faces: IntArray) -> float:
