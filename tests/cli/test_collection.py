@@ -212,6 +212,8 @@ def test_match(folder: Path) -> None:
     assert len(read_match(path).source_to_target) == 162
     again = run("match", "shapes", "--pairs", "pairs.csv", "-o", "matches")
     assert again.stdout.startswith("matched 0, there before 1, failed 0")
+    run("match", "shapes", "--pairs", "pairs.csv", "-o", "matches", "--partial", "none")
+    assert len(list(Path("matches").glob("stone02-stone03-*-none.npz"))) == 1
 
 
 def test_export_and_remove(folder: Path, tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ import pytest
 
 from stones import BALL, write_stones
 from unbend import Mesh, match, read_map, read_match, read_mesh, write_mesh
+from unbend.choices import Partial
 from unbend.collection import Collection, _collection, _pairs
 from unbend.collection._engine import Outcome
 from unbend.errors import FileError, InputError, UnbendWarning, warn
@@ -55,6 +56,28 @@ def test_all_pairs_are_matched_once(three: tuple[Collection, list[Path]], tmp_pa
         read_match(out / rows[2]["file"], source=(-other.vertices, other.faces[::-1]))
 
 
+def test_matches_of_another_choice_of_what_is_partial_are_kept_apart(
+    three: tuple[Collection, list[Path]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    collection, paths = three
+    pair, out, asked = [(paths[0], paths[1])], tmp_path / "matches", []
+
+    def matched(*shapes: Mesh, partial: Partial) -> Match:
+        asked.append(partial)
+        return match(*shapes, partial=partial)
+
+    monkeypatch.setattr(_pairs, "match", matched)
+    for partial, new in (("auto", 1), ("none", 1), ("none", 0), ("auto", 0)):
+        done = collection.match(pair, out, partial=partial, workers=0)
+        assert (done.matched, done.skipped) == (new, 1 - new)
+        with open(out / "matches.csv", newline="") as file:
+            (row,) = csv.DictReader(file)
+        assert row["file"].endswith("-none.npz") == (partial == "none")
+    assert asked == ["auto", "none"]
+    with pytest.raises(InputError, match=r"partial must be one of auto, none, .* not 'all'"):
+        collection.match(pair, out, partial="all", workers=0)
+
+
 def test_long_names_whose_letters_take_several_bytes_name_files_too(tmp_path: Path) -> None:
     paths = write_stones(tmp_path / "stones", 2)
     paths = [one.rename(one.with_name(f"{'日本語' * 20}{one.name}")) for one in paths]
@@ -73,8 +96,8 @@ def test_warnings_are_told_once_for_a_shape_or_a_pair_and_doubtful_pairs_are_cou
     write_mesh(paths[0], (points, np.vstack([BALL.faces, len(BALL.vertices) + np.arange(3)])))
     collection.add(paths[0], workers=0)
 
-    def unsure(*shapes: Mesh) -> Match:
-        found = match(*shapes)
+    def unsure(*shapes: Mesh, partial: Partial) -> Match:
+        found = match(*shapes, partial=partial)
         warn("there is something about the pair")
         return replace(found, confidence=0.59 if shapes[1].name == paths[2].name else 1.0)
 
@@ -138,7 +161,7 @@ def test_a_match_of_a_file_that_changed_is_not_passed_off_as_one_of_it(
 
 def test_a_damaged_match_is_named_and_what_to_do(filled: Collection, tmp_path: Path) -> None:
     source, target, *_ = filled
-    path = tmp_path / _pairs.file_name(source, target)
+    path = tmp_path / _pairs.file_name(source, target, "auto")
     path.write_bytes(b"PK")
     again = f"cannot read {path}: remove it, and run unbend collection match again"
     with pytest.raises(FileError, match=re.escape(again)):

@@ -268,6 +268,7 @@ class Collection:
         pairs: Iterable[tuple[StrPath, StrPath]] | None,
         out: StrPath,
         *,
+        partial: Partial = "auto",
         workers: int | None = None,
         scheduler: str | None = None,
         progress: Progress | None = None,
@@ -282,6 +283,9 @@ class Collection:
         out : path
             Folder, of all workers alike, for a .npz file a pair (see
             :func:`unbend.read_match`), its map as .csv, the table ``matches.csv``, and the spectra.
+        partial : {"auto", "none", "source", "target", "both"}, default="auto"
+            Which shapes may be partial, see :func:`unbend.match`. Files of every choice but "auto"
+            are named after it.
         workers, scheduler, progress
             See :meth:`add`.
 
@@ -298,7 +302,7 @@ class Collection:
             If the folder cannot be made, or is inside the collection's.
         """
         processes = engine(workers=workers, scheduler=scheduler)
-        return match_pairs(self._store, pairs, out, processes, progress)
+        return match_pairs(self._store, pairs, out, partial, processes, progress)
 
     def register(
         self,

@@ -21,6 +21,7 @@ def match(
     out: Annotated[str, options.out("DIR")],
     pairs: Annotated[str | None, typer.Option(metavar="PAIRS.csv")] = None,
     every: Annotated[bool, typer.Option("--all")] = False,
+    partial: Partial = "auto",
     workers: options.Workers = None,
     scheduler: options.Scheduler = None,
 ) -> None:
@@ -32,15 +33,20 @@ def match(
       out: Folder for a .npz file and a .csv map per pair, the table matches.csv, and the spectra.
       pairs: The pairs: columns source,target of paths or ids.
       every: Match every shape with each that follows it.
+      partial: Which shape may lack what the other has; auto: either; none: every point gets a
+          partner. Files of every choice but auto are named after it.
 
     $ unbend collection match shapes --all -o matches
     $ unbend collection match shapes --pairs pairs.csv -o matches --workers 4
+    $ unbend collection match leaves --all --partial none -o matches
     """
     if (pairs is None) == (not every):
         raise InputError("give --pairs PAIRS.csv or --all, one of them")
     collection = opened(store)
     chosen: Any = None if pairs is None else unbend.io.read_table(pairs, ("source", "target"))
-    done = collection.match(chosen, out, workers=workers, scheduler=scheduler, progress=progress)
+    done = collection.match(
+        chosen, out, partial=partial, workers=workers, scheduler=scheduler, progress=progress
+    )
     line = (
         f"matched {done.matched:,}, there before {done.skipped:,}, failed {len(done.failures):,} "
         f"({done.seconds:.1f} s); doubtful {done.doubtful:,}; {out}/matches.csv lists these matches"
