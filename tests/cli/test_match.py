@@ -112,7 +112,7 @@ def test_match_takes_a_component(tmp_path: Path) -> None:
     assert "its largest component is matched, 162 of 204 vertices" in whole.stderr
     done = right(*arguments, "--component", "largest")
     assert "162 of 204 vertices" in done.stdout
-    assert "42 unreferenced vertices are NaN in the result, -1 in a map" in done.stderr
+    assert "42 unreferenced vertices get no values (NaN) and no partners (-1)" in done.stderr
     assert "next: add -o MAP.npz" in done.stdout
     # The other shape has no second component, and is matched as it is.
     done = right(*arguments, "--component", "1")

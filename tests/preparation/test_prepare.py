@@ -34,7 +34,7 @@ def test_unreferenced_vertices_become_nan() -> None:
     np.testing.assert_array_equal(prepared.mesh.vertices, VERTICES)
     np.testing.assert_array_equal(prepared.mesh.faces, FACES)
     assert prepared.kept.tolist() == [1, 2, 3, 4]
-    assert prepared.notes == ("2 unreferenced vertices are NaN in the result, -1 in a map",)
+    assert prepared.notes == ("2 unreferenced vertices get no values (NaN) and no partners (-1)",)
     expanded = prepared.expand(VERTICES)
     np.testing.assert_array_equal(expanded[1:5], VERTICES)
     assert np.isnan(expanded[[0, 5]]).all()
@@ -70,8 +70,9 @@ def test_the_largest_component(component: str | int) -> None:
     np.testing.assert_array_equal(prepared.mesh.faces, FACES)
     assert prepared.mesh.name == "two.off"
     assert prepared.notes == (
-        "1 unreferenced vertex is NaN in the result, -1 in a map",
-        "component 0 of 2 was kept, 4 of 8 vertices; the others are NaN in the result, -1 in a map",
+        "1 unreferenced vertex gets no values (NaN) and no partners (-1)",
+        "component 0 of 2 was kept, 4 of 8 vertices; the others get no values (NaN) and no "
+        "partners (-1)",
     )
     values = np.array([1, 2, 3, 4])
     np.testing.assert_array_equal(prepared.expand(values)[[3, 4, 6, 7]], values)
@@ -165,7 +166,7 @@ def test_a_vertex_that_only_such_a_face_uses_is_left_out() -> None:
     mesh = Mesh(np.vstack([VERTICES, [[2, 2, 2]]]), np.vstack([FACES, [[0, 0, 4]]]))
     prepared = prepare(mesh)
     np.testing.assert_array_equal(prepared.kept, [0, 1, 2, 3])
-    assert prepared.notes[0] == "1 unreferenced vertex is NaN in the result, -1 in a map"
+    assert prepared.notes[0] == "1 unreferenced vertex gets no values (NaN) and no partners (-1)"
 
 
 def test_degenerate_faces_stay_and_call_for_the_robust_laplacian() -> None:

@@ -22,7 +22,7 @@ from unbend.mesh import (
 )
 
 _LEAST_VERTICES = 4  # a shape in three dimensions has no fewer
-_NO_RESULT = "NaN in the result, -1 in a map"
+_NO_RESULT = "no values (NaN) and no partners (-1)"
 _LEAST_SIZE, _MOST_SIZE = 1e-60, 1e60  # whose fourth powers double precision can hold
 
 
@@ -74,13 +74,13 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
     notes = []
     keep = components.of_vertex >= 0
     if n_unused := int((~keep).sum()):
-        verb = "is" if n_unused == 1 else "are"
+        verb = "gets" if n_unused == 1 else "get"
         notes.append(f"{plural(n_unused, 'unreferenced vertex')} {verb} {_NO_RESULT}")
     if chosen is not None and n_components > 1:
         keep = components.of_vertex == chosen
         notes.append(
             f"component {chosen} of {n_components} was kept, {components.n_vertices[chosen]:,} of "
-            f"{plural(mesh.n_vertices, 'vertex')}; the others are {_NO_RESULT}"
+            f"{plural(mesh.n_vertices, 'vertex')}; the others get {_NO_RESULT}"
         )
     working, kept, kept_faces = restrict(mesh, keep)
     if len(kept) < _LEAST_VERTICES:
