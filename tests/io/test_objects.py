@@ -176,9 +176,21 @@ def test_a_vtk_file_is_read_with_meshio(tmp_path: Path) -> None:
     mesh = read_mesh(tmp_path / "a.vtk")
     np.testing.assert_array_equal(mesh.faces, FACES)
     assert mesh.notes[0] == "read by meshio"
-    (tmp_path / "a.vtk").write_text("nothing")
-    with pytest.raises(FileError, match="meshio cannot read it"):
-        read_mesh(tmp_path / "a.vtk")
+
+
+@pytest.mark.parametrize(
+    ("suffix", "why"),
+    [(".vtk", "Illegal VTK header"), (".vtu", "it is damaged, or no .vtu file")],
+)
+def test_what_meshio_says_before_it_exits_is_the_reason(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], suffix: str, why: str
+) -> None:
+    pytest.importorskip("meshio")
+    (tmp_path / f"a{suffix}").write_text("nothing")
+    with pytest.raises(FileError) as caught:
+        read_mesh(tmp_path / f"a{suffix}")
+    assert str(caught.value) == f"a{suffix}: meshio cannot read it: {why}"
+    assert not capsys.readouterr().out  # JSON may go there
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
+from contextlib import redirect_stdout
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Protocol, TypeAlias
@@ -115,6 +116,7 @@ def read_foreign(path: Path, data: bytes) -> Contents:
     program = "trimesh" if suffix in _TRIMESH else "meshio" if suffix in _MESHIO else "nibabel"
     if find_spec(program) is None:
         raise MissingExtraError(program)
+    said = io.StringIO()
     try:
         if suffix in _TRIMESH:
             return _by_trimesh(suffix, data)
@@ -122,7 +124,8 @@ def read_foreign(path: Path, data: bytes) -> Contents:
             return _by_nibabel(path, data)
         import meshio
 
-        given = meshio.read(path)
+        with redirect_stdout(said):  # there it says what is wrong, and then exits
+            given = meshio.read(path)
         mesh = mesh_of(given)
         assert mesh is not None
         values = {name: np.asarray(array) for name, array in given.point_data.items()}
@@ -130,7 +133,9 @@ def read_foreign(path: Path, data: bytes) -> Contents:
     except InputError:
         raise
     except (Exception, SystemExit) as error:  # their readers raise anything; meshio exits
-        raise FileError(f"{program} cannot read it: {error}") from error
+        reason = said.getvalue().strip() if isinstance(error, SystemExit) else str(error)
+        why = reason or f"it is damaged, or no {suffix} file"
+        raise FileError(f"{program} cannot read it: {why}") from error
 
 
 def _by_nibabel(path: Path, data: bytes) -> Contents:
