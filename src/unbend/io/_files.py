@@ -57,8 +57,8 @@ def check_suffix(path: Path, suffixes: Collection[str], verb: str) -> None:
 def read_bytes(path: Path, suffixes: Collection[str]) -> bytes:
     """Read a whole file whose suffix is one of these; empty: any.
 
-    Raises FileError if it is missing, of another kind, larger than the free memory, empty, or
-    unreadable.
+    Raises FileError if it is missing, of another kind, larger than the free memory, empty,
+    compressed as a whole, or unreadable.
     """
     if os.path.isdir(path):
         raise FileError(f"cannot read {path}: it is a folder; give a file's name")
@@ -80,6 +80,8 @@ def read_bytes(path: Path, suffixes: Collection[str]) -> bytes:
         raise FileError(f"cannot read {path}: {error.strerror or error}") from error
     if not data.strip():
         raise FileError(f"{path.name} is empty")
+    if data.startswith(b"\x1f\x8b\x08"):
+        raise FileError(f"{path.name} is compressed with gzip; unpack it first")
     return data
 
 

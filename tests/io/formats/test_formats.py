@@ -1,5 +1,6 @@
 """Tricky files keep their order; bad ones get one sentence; none does harm."""
 
+import gzip
 import struct
 from contextlib import nullcontext, suppress
 from pathlib import Path
@@ -382,6 +383,8 @@ def ply_header(vertices: object, faces: object = 0, encoding: str = "binary_litt
 BAD_FILES = {
     "empty.off": (b"", "is empty"),
     "blank.obj": (b" \n\n", "is empty"),
+    "packed.stl": (gzip.compress(bytes(134)), "is compressed with gzip; unpack it first"),
+    "packed.ply": (gzip.compress(b"ply"), "is compressed with gzip; unpack it first"),
     "comments.off": (b"# nothing\n", "nothing but comments"),
     "junk.off": (b"\x00\x01\x02\xff", "binary data"),
     "junk.obj": (bytes(range(1, 250)), "no line of it starts with v"),
