@@ -84,9 +84,16 @@ def test_a_registered_obj_keeps_its_lines(folder: Path) -> None:
     assert np.abs(read_mesh("out.obj").vertices - TARGET.vertices).max() < 0.1
     done = right("register", "a.obj", "b.ply", "--map", "map.npy", "-o", "out.ply")
     assert (
-        "note: out.ply does not keep these of a.obj: texture coordinates, normals, materials, "
-        "groups, object names" in done.stderr
+        "note: out.ply does not keep texture coordinates, normals, materials, groups, object names "
+        "of a.obj\n" in done.stderr
     )
+
+
+def test_what_a_file_of_another_program_loses_is_said(folder: Path) -> None:
+    pytest.importorskip("trimesh")
+    write_mesh("a.glb", SOURCE)
+    done = right("register", "a.glb", "b.ply", "--map", "map.npy", "-o", "out.ply")
+    assert "note: out.ply does not keep anything but the shape of a.glb\n" in done.stderr
 
 
 def test_morph_names_the_files_that_it_writes(folder: Path) -> None:

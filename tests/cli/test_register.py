@@ -110,7 +110,7 @@ def test_many_scans_are_fitted_into_a_folder_and_a_bad_one_is_listed(folder: Pat
     for path in fitted:
         np.testing.assert_array_equal(read_mesh(path).faces, template.faces)
     assert [path.name.split("-")[0] for path in fitted] == ["again", "scan"]
-    lost = f"note: {Path('out', '*.ply')} does not keep these of template.ply: red, green, blue\n"
+    lost = f"note: {Path('out', '*.ply')} does not keep red, green, blue of template.ply\n"
     assert done.stderr.count(lost) == 1
     (folder / "scans" / "copy.ply").write_bytes((folder / "scans" / "scan.ply").read_bytes())
     given = ("register", "template.ply", "scans/scan.ply", "scans/copy.ply", "-o", "out")

@@ -76,7 +76,7 @@ def lines_to_keep(out: str, original: str, *, whole: bool = True) -> str | None:
         say("note", f"{out} has all lines of {original}, with new positions of used vertices{kept}")
         return original
     if held:
-        say("note", f"{out} does not keep these of {original}: {', '.join(held)}")
+        say("note", f"{out} does not keep {', '.join(held)} of {original}")
     return None
 
 

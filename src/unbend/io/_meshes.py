@@ -91,7 +91,7 @@ def file_extras(path: StrPath) -> list[str]:
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix in FOREIGN_SUFFIXES:
-        return ["everything but the shape"]
+        return ["anything but the shape"]
     return _EXTRAS[suffix](read_bytes(path, ())) if suffix in _EXTRAS else []
 
 
