@@ -207,7 +207,7 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
         name: np.concatenate([one[name] for one in values])
         for name in set.intersection(*map(set, values))
     }
-    notes = ["read by trimesh", *left_out]
+    notes, several = ["read by trimesh", *left_out], {}
     if suffix == ".dae":
         notes.append("its vertices are numbered as trimesh reads them, not in the file's order")
     if b'"generator":"unbend"' not in data:
@@ -219,14 +219,15 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
                 "are equal (the format repeats them at seams)"
             )
             corners = number[corners]
-            notes += [
-                f"{plural(several, 'vertex')} with several {_WORDS[name]}, of which one is kept"
+            several = {
+                name: f"{plural(n, 'vertex')} with several {_WORDS[name]}, of which one is kept"
                 for name, array in shared.items()
                 if name in _WORDS
-                and (several := len(np.unique(number[(array[kept][number] != array).any(axis=1)])))
-            ]
+                and (n := len(np.unique(number[(array[kept][number] != array).any(axis=1)])))
+            }
+            notes += several.values()
             places, shared = places[kept], {name: a[kept] for name, a in shared.items()}
-    return Contents(places, corners, tuple(notes), lambda: shared)
+    return Contents(places, corners, tuple(notes), lambda: shared, several)
 
 
 def _values(part: Any, linear: bool) -> dict[str, npt.NDArray[Any]]:

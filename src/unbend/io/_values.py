@@ -109,12 +109,11 @@ def read_named_values(
     with prefixed(path.name):
         if of_mesh:
             values, names = _of_mesh(given.values(), name, path)
-            for note in given.notes if names == _UV else ():
-                if "texture coordinates" in note:  # of one place, as at seams
-                    warn(
-                        f"{path.name}: {note}; a texture is wrong around them: turn it into "
-                        "colours of vertices, and carry these"
-                    )
+            if names == _UV and "uv" in given.several:
+                warn(
+                    f"{path.name}: {given.several['uv']}; a texture is wrong around them: turn it "
+                    "into colours of vertices, and carry these"
+                )
         elif suffix == ".npy":
             values, names = read_array(given), []
         else:
