@@ -143,13 +143,18 @@ def _of_mesh(
             if (alpha < opaque).any():
                 warn(_OPAQUE)
         return found[name], _numbered(name, found[name][:1].size)
+    hint = ""
+    if "texture coordinates" in file_extras(path):
+        hint = "; unbend register carries its texture"
+    elif b'"WEIGHTS_0"' in path.read_bytes():  # of glTF
+        hint = "; its skinning weights are not read: in Blender, unbend's extension carries them"
     if not found:
-        textured = "texture coordinates" in file_extras(path)
-        hint = "; unbend register carries its texture" if textured else ""
         raise FileError(f"holds no values per vertex{hint}")
     lacks = "" if name is None else f"no {name}, but "
     held = ", ".join(found)
-    raise FileError(f"holds {lacks}{held}; name one of them with --property (name= in Python)")
+    raise FileError(
+        f"holds {lacks}{held}; name one of them with --property (name= in Python){hint}"
+    )
 
 
 def _grouped(columns: dict[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:

@@ -142,7 +142,7 @@ def test_meshes_with_bones_are_where_the_first_bone_puts_them(
     body = QUAD * [0.5, 2, 1] + [3, 0, 0] if bound else QUAD
     places = np.vstack([QUAD + np.array([0, 0, 1]), body]) * 100 + [7, 0, 0]
     assert sorted(mesh.vertices.tolist()) == sorted(places.tolist())
-    assert "bones left out" in mesh.notes[1]
+    assert "bones and their weights left out" in mesh.notes[1]
 
 
 def test_morph_targets_are_left_out_with_a_note(tmp_path: Path) -> None:
@@ -160,6 +160,20 @@ def test_texture_coordinates_that_are_no_floats_are_left_out_with_a_note(tmp_pat
     assert "texture coordinates left out" in read_mesh(tmp_path / "a.glb").notes[1]
     with pytest.raises(InputError, match="no values per vertex"):
         read_values(tmp_path / "a.glb")
+
+
+def test_whoever_asks_for_skinning_weights_hears_where_they_are_carried(tmp_path: Path) -> None:
+    given = document()
+    (primitive,) = given["meshes"][0]["primitives"]
+    primitive["attributes"] |= {"JOINTS_0": 2, "WEIGHTS_0": 2}  # which are not looked at
+    write(tmp_path / "a.glb", given)
+    where = "its skinning weights are not read: in Blender, unbend's extension carries them"
+    with pytest.raises(FileError, match=rf"^a\.glb: holds no values per vertex; {where}$"):
+        read_values(tmp_path / "a.glb")
+    primitive["attributes"]["COLOR_0"] = 0
+    write(tmp_path / "a.glb", given)
+    with pytest.raises(FileError, match=rf"^a\.glb: holds no weights, but color; .*; {where}$"):
+        read_values(tmp_path / "a.glb", name="weights")
 
 
 def parts(path: Path) -> tuple[dict, bytes]:

@@ -176,4 +176,4 @@ def _without_bones(document: dict[str, Any], chunk: bytes) -> list[str]:
             node["matrix"] = np.frombuffer(data, "<f4", 16, start).tolist()
         nodes[skin["joints"][0]].setdefault("children", []).append(len(nodes))
         nodes.append(node)
-    return ["bones left out: the shape is the one that they move"] * bool(placed)
+    return ["bones and their weights left out: the shape is the one that they move"] * bool(placed)
