@@ -45,7 +45,8 @@ def transfer(
         which is inverted by :func:`unbend.io.invert_map` along the edges of `target`.
     kind : str, default="auto"
         ``"scalar"``: averaged; numbers or vectors. ``"label"``: never
-        averaged. ``"weights"``: skinning weights, non-negative, each row brought to sum to one.
+        averaged. ``"weights"``: skinning weights, non-negative, each row brought to sum to one;
+        it may have more that are not zero than rows of `values` do.
         ``"color"``: averaged and rounded to whole numbers from 0 to 255. ``"uv"``: averaged;
         texture coordinates, two columns. ``"auto"``: scalar for fractions and columns of floats;
         color for whole numbers from 0 to 255 in three or four columns; scalar for other columns of
