@@ -300,5 +300,6 @@ def _check_mesh(mesh: Mesh, n_vertices: int, hashes: npt.NDArray[Any] | None) ->
         )
     if hashes is not None and set(mesh_hashes(mesh)).isdisjoint(hashes.ravel().tolist()):
         raise FileError(
-            f"belongs to another mesh than {mesh.name}, of as many vertices; match the shapes again"
+            f"belongs to another mesh than {mesh.name}, or to the same with its vertices in "
+            "another order, as in another format: give the file that was matched, or match again"
         )
