@@ -101,15 +101,22 @@ def data(folder: Path) -> None:
 
 
 def formats(folder: Path) -> None:
-    """Read what trimesh and meshio write."""
+    """Read what trimesh, meshio and nibabel write."""
     import meshio
+    import nibabel
     import trimesh
 
     ball = make_sphere(2)
     for suffix in ("glb", "3mf", "dae"):
         trimesh.Trimesh(ball.vertices, ball.faces).export(folder / f"ball.{suffix}")
     meshio.Mesh(ball.vertices, [("triangle", ball.faces)]).write(folder / "ball.vtu")
-    for suffix in ("glb", "3mf", "dae", "vtu"):
+    kinds = {"NIFTI_INTENT_POINTSET": ball.vertices, "NIFTI_INTENT_TRIANGLE": ball.faces}
+    arrays = [
+        nibabel.gifti.GiftiDataArray(rows.astype(dtype), kind)
+        for (kind, rows), dtype in zip(kinds.items(), ("float32", "int32"), strict=True)
+    ]
+    nibabel.save(nibabel.GiftiImage(darrays=arrays), folder / "ball.gii")
+    for suffix in ("glb", "3mf", "dae", "vtu", "gii"):
         assert read_mesh(folder / f"ball.{suffix}").n_faces == ball.n_faces, suffix
 
 
