@@ -84,7 +84,7 @@ def test_a_folder_without_any_mesh_is_refused(folder: Path) -> None:
 
 
 def test_other_meshes_in_folders_are_counted(folder: Path) -> None:
-    for name in ("deep/1.glb", "deep/er/2.GLB", "deep/3.vtu"):
+    for name in ("deep/1.glb", "deep/er/2.GLB", "deep/3.vtu", "deep/er/lh.thickness"):
         (folder / name).touch()
     example = quoted(os.path.join("deep/er", "*.GLB"))
     with pytest.warns(UnbendWarning) as told:

@@ -24,7 +24,8 @@ from unbend.mesh import Mesh
 
 # Of files that folders are searched for; others are added by name or pattern only.
 _SUFFIXES = (".off", ".obj", ".ply", ".stl", ".vtk")
-_OTHERS = tuple(one for one in READ_SUFFIXES if one not in (*_SUFFIXES, ".npy"))
+_VALUES = (".npy", ".thickness", ".curv", ".sulc", ".annot")  # rather than shapes
+_OTHERS = tuple(one for one in READ_SUFFIXES if one not in (*_SUFFIXES, *_VALUES))
 _FILES_AT_ONCE = 256
 ID_DIGITS = 12  # of ids, in names of files: hardly two of a million shapes share them
 REGISTRATIONS = "registrations"  # folder of a file per shape, beside its registered mesh
