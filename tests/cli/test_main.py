@@ -186,7 +186,8 @@ def test_quiet_leaves_results_and_warnings(
     captured = capsys.readouterr()
     hints = "" if quiet else "next: look\n"
     assert captured.out == f"found\nwritten: a.npz\n{hints}"
-    lines = ["progress: 3 of 4 shapes, 75%", "warning: three", "note: one", "note: two"]
+    notes = ["note: mesh: one", "note: mesh: two"]
+    lines = ["progress: 3 of 4 shapes, 75%", "warning: three", *notes]
     assert captured.err.splitlines() == (lines[1:2] if quiet else lines)
 
 

@@ -198,7 +198,7 @@ def tell(
         result = {**result, "failed": failures}
     for shape in shapes:
         for note in shape.notes:
-            say("note", note)
+            say("note", f"{shape.name}: {note}")
     paths = [path for path in (*written, report) if path is not None]
     if report is not None:
         next_step = f"open {report} in a browser"

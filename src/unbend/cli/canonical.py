@@ -128,7 +128,7 @@ def canonical(
             failures.append(unbend.collection.Failure.of(path, error))
     for one in done:
         for note in one["notes"]:
-            output.say("note", f"{one['file']}: {note}" if batch else note)
+            output.say("note", f"{one['file']}: {note}")
     hint = "add -o OUT.ply to write the form, --report HTML to look at it"
     output.tell(
         {"files": done},

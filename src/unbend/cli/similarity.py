@@ -91,7 +91,8 @@ def similarity(
             given["areas"] = tuple(unbend.mesh.vertex_areas(shapes[k]) for k in (i, j))
             confidence = given["match"].confidence
             if matrix and is_doubtful(confidence):  # a matrix has values alone
-                doubts[i].append(f"{both}: doubtful match, confidence {confidence:.2f}")
+                told = f"doubtful match to {shapes[j].name}, confidence {confidence:.2f}"
+                doubts[i].append(told)
         value = unbend.similarity(forms[i], forms[j], **given)
         square[i][j] = square[j][i] = value
         pairs.append((paths[i], paths[j], value, confidence))
