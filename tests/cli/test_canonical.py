@@ -182,6 +182,7 @@ def test_many_meshes_get_a_folder_of_forms_and_a_bad_one_is_listed(blob, tmp_pat
     assert rows[0].split()[1:3] == ["642", "1,280"]
     assert rows[2].endswith("failed")
     assert last == "written: forms"
+    assert run("scans").stdout.endswith("\nnext: add -o FOLDER to write the forms\n")
     assert "note: scans/b.stl: " in done.stderr
     assert "failed: scans/bad.ply: bad.ply: truncated" in done.stderr
     told = json.loads(run("scans", "--json").stdout)

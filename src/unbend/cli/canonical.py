@@ -130,12 +130,14 @@ def canonical(
         for note in one["notes"]:
             output.say("note", f"{one['file']}: {note}")
     hint = "add -o OUT.ply to write the form, --report HTML to look at it"
+    if batch:
+        hint = "add -o FOLDER to write the forms"
     output.tell(
         {"files": done},
         _overview(done, failures) if batch else output.rows(_summary(done[0])),
         written=[out, figure],
         report=report,
-        next_step=None if out or figure or batch else hint,
+        next_step=None if out or figure else hint,
         failures=failures,
     )
 
