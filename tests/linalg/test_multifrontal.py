@@ -7,7 +7,6 @@ import scipy.sparse as sp
 from tests.linalg.problems import laplacian, scattered
 from unbend.linalg import multifrontal
 from unbend.linalg._sweeps import forward
-from unbend.linalg.dissection import Supernodes
 from unbend.linalg.multifrontal import _stack_updates, factor, solve
 
 pytestmark = pytest.mark.kernels
@@ -117,11 +116,8 @@ def test_update_matrices_never_lie_on_one_another(room: int) -> None:
                 children[i, c] = roots.pop()
             roots.append(i)
         heights = draw.integers(0, 5, n)
-        none = np.zeros(n, np.int64)
-        row_starts = np.append(0, np.cumsum(heights))
-        nodes = Supernodes(none, none, none, children, row_starts, none, none)
         depths, offsets = np.zeros((2, n), np.int64)
-        end = _stack_updates(nodes, depths, offsets, 0, n, room)
+        end = _stack_updates(children, heights**2, depths, offsets, 0, n, room)
         depths = np.zeros(n, int)
         for i in range(n - 1, -1, -1):
             depths[children[i][children[i] >= 0]] = depths[i] + 1

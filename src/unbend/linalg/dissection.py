@@ -212,7 +212,8 @@ def _halve(starts, neighbors, order, first, last, label, near, far):  # type: ig
                     break
         queue[i] = vertex
         n_sides[far[vertex]] += 1
-    places = np.cumsum(n_sides) - n_sides
+    places = np.zeros(3, np.int64)
+    places[1], places[2] = n_sides[0], n_sides[0] + n_sides[1]
     for i in range(size):
         vertex = queue[i]
         side = far[vertex]
@@ -228,24 +229,25 @@ def _dissect(starts, neighbors, order, first, last, label, near, far, found, wai
 
     A row of what is found is a supernode's first column and, if any, the one above it.
     """
-    waiting[0] = first, last, -1
+    waiting[0, 0], waiting[0, 1], waiting[0, 2] = first, last, -1
     n_waiting, count = 1, 0
     while n_waiting > 0:
         n_waiting -= 1
-        low, high, parent = waiting[n_waiting]
+        low, high, parent = waiting[n_waiting, 0], waiting[n_waiting, 1], waiting[n_waiting, 2]
         one, other = 0, 0
         if high - low > _LEAF:
             one, other = _halve(starts, neighbors, order, low, high, label, near, far)
         own = low + one + other
         n_pieces = max(1, (high - own + _WIDTH - 1) // _WIDTH)
         for piece in range(n_pieces - 1, -1, -1):
-            found[count] = own + (high - own) * piece // n_pieces, parent
+            found[count, 0], found[count, 1] = own + (high - own) * piece // n_pieces, parent
             parent = count
             count += 1
         if one + other > 0:
-            waiting[n_waiting] = low, low + one, parent
-            waiting[n_waiting + 1] = low + one, own, parent
-            n_waiting += 2
+            for begin, end in ((low, low + one), (low + one, own)):
+                waiting[n_waiting, 0], waiting[n_waiting, 1] = begin, end
+                waiting[n_waiting, 2] = parent
+                n_waiting += 1
     return count
 
 
@@ -260,7 +262,10 @@ def _rows_below(starts, neighbors, order, inverse, begins, children):  # type: i
     for i in range(count):
         end = begins[i + 1]
         if at + n > rows.size:
-            rows = np.concatenate((rows[:at], np.empty(2 * rows.size, np.int32)))
+            longer = np.empty(3 * rows.size, np.int32)
+            for p in range(at):
+                longer[p] = rows[p]
+            rows = longer
         for j in range(begins[i], end):
             for p in range(starts[order[j]], starts[order[j] + 1]):
                 row = inverse[neighbors[p]]
@@ -277,4 +282,4 @@ def _rows_below(starts, neighbors, order, inverse, begins, children):  # type: i
                         rows[at] = row
                         at += 1
         row_starts[i + 1] = at
-    return row_starts, rows[:at].copy()
+    return row_starts, rows[:at]

@@ -62,9 +62,10 @@ def factor(matrix: SparseMatrix) -> Factor:
 def place_updates(nodes: Supernodes) -> tuple[IntArray, int]:
     """Place all update matrices in one array: where each starts, and how long the array is."""
     offsets, depths = np.zeros((2, len(nodes.children)), np.int64)
+    sizes = np.diff(nodes.row_starts) ** 2
     room = 0
     for part in reversed(nodes.parts):
-        room = _stack_updates(nodes, depths, offsets, *part, room)
+        room = _stack_updates(nodes.children, sizes, depths, offsets, *part, room)
     return offsets, room
 
 
@@ -90,24 +91,23 @@ def _solve_chunk(found: Factor, values: FloatArray) -> None:
 
 
 @compiled
-def _stack_updates(nodes, depths, offsets, first, last, room):  # type: ignore[no-untyped-def]
+def _stack_updates(children, sizes, depths, offsets, first, last, room):  # type: ignore[no-untyped-def]
     """Place the update matrices of a range of supernodes in two stacks; give where they end.
 
     Even depths are in one, odd ones in the other: a supernode's children are the last on the other.
     """
-    sizes = (nodes.row_starts[1:] - nodes.row_starts[:-1]) ** 2
     for i in range(last - 1, first - 1, -1):
         for c in range(2):
-            if nodes.children[i, c] >= 0:
-                depths[nodes.children[i, c]] = depths[i] + 1
+            if children[i, c] >= 0:
+                depths[children[i, c]] = depths[i] + 1
     used, most = np.zeros(2, np.int64), np.zeros(2, np.int64)
     for is_last in range(2):
         used[0], used[1] = room, room + most[0]
         for i in range(first, last):
             mine = depths[i] % 2
             for c in range(2):
-                if nodes.children[i, c] >= first:
-                    used[1 - mine] -= sizes[nodes.children[i, c]]
+                if children[i, c] >= first:
+                    used[1 - mine] -= sizes[children[i, c]]
             offsets[i] = used[mine]
             used[mine] += sizes[i]
             if is_last == 0:
