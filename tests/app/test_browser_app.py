@@ -244,7 +244,7 @@ def test_landmarks_outlast_their_tab_and_are_its_own_and_work_is_cancelled(page,
     page.wait_for(GOOD.format(2))
     press(page, "Place landmarks")
     page.wait_for("state.results.length === 1 && frame?.greeted")
-    ours, theirs = ([{"name": "1", "at": at}] for at in ([87, 139], [328, 294]))
+    ours, theirs = ([{"name": "ear", "at": at}] for at in ([87, 139], [328, 294]))
     page.run(f"frame.contentWindow.postMessage({{landmarks: {ours}}}, '*')")
     page.wait_for("placed[shown]?.[0]?.at[0] === 87")
     page.run("sessionStorage.clear()")  # as in a new tab
@@ -256,7 +256,7 @@ def test_landmarks_outlast_their_tab_and_are_its_own_and_work_is_cancelled(page,
     press(page, "Match with these")
     page.wait_for("state.jobs.length === 1 && state.jobs[0].running")
     (job,) = app.session._jobs.values()
-    assert job["job"]["landmarks"] == [[87, 139]]
+    assert job["job"]["landmarks"] == ours
     press(page, "Cancel")
     page.wait_for("!state.jobs.length")
     # What the other tab placed on other pages is kept beside ours.

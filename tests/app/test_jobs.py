@@ -38,6 +38,10 @@ def done(folder: Path, do: str, shapes: list[list[str]], **given):
     return json.loads(json.dumps(found)) | {"folder": folder / do}
 
 
+def placed(name: str, *at: int):
+    return {"name": name, "at": list(at)}
+
+
 def page_of(result) -> str:
     assert result["page"]
     return (result["folder"] / "page.html").read_text("utf-8")
@@ -49,7 +53,7 @@ def file_of(result, suffix: str) -> str:
 
 @pytest.fixture(scope="module")
 def matched(shapes, tmp_path_factory: pytest.TempPathFactory):
-    return done(tmp_path_factory.mktemp("match"), "match", shapes, landmarks=[[5, 5]])
+    return done(tmp_path_factory.mktemp("match"), "match", shapes, landmarks=[placed("nose", 5, 5)])
 
 
 def uses(matched) -> dict[str, str]:
@@ -70,7 +74,9 @@ def test_a_match_has_a_map_files_a_page_and_the_lines_that_do_the_same(shapes, m
     assert "--landmarks landmarks.csv" in matched["command"]
     assert matched["command"].startswith("unbend match 'my standing.ply' 'my galloping.ply'")
     compile(matched["python"], "lines", "exec")
-    assert "landmarks=[[5, 5]]" in matched["python"]
+    assert "landmarks={'nose': [5, 5]}" in matched["python"]
+    assert '"landmarks": [{"label": "nose"' in page_of(matched)
+    assert matched["landmarks"] == [placed("nose", 5, 5)]
 
 
 def test_another_map_can_be_taken(shapes, matched, tmp_path) -> None:
@@ -174,10 +180,12 @@ def test_a_fitted_obj_file_keeps_its_texture_coordinates(shapes, matched, tmp_pa
 def test_distances_from_clicked_places_are_those_of_a_sphere(tmp_path) -> None:
     ball = make_sphere(3)
     write_mesh(tmp_path / "ball.ply", ball)
-    found = done(tmp_path, "distance", [[str(tmp_path / "ball.ply"), "ball.ply"]], vertices=[7])
+    shapes, landmarks = [[str(tmp_path / "ball.ply"), "ball.ply"]], [placed("pole", 7)]
+    found = done(tmp_path, "distance", shapes, landmarks=landmarks)
     exact = np.arccos(np.clip(ball.vertices @ ball.vertices[7], -1, 1))
     np.testing.assert_allclose(read_values(file_of(found, ".csv")), exact, atol=0.1)
     assert "--from 7" in found["command"]
+    assert '"landmarks": [{"name": "pole", "at": [7]}]' in page_of(found)
 
 
 def test_forms_symmetries_and_pages_for_landmarks_are_made(shapes, tmp_path) -> None:
@@ -188,9 +196,12 @@ def test_forms_symmetries_and_pages_for_landmarks_are_made(shapes, tmp_path) -> 
     known = make_quadruped("standing", n_vertices=600).mirror
     assert (partner == known).mean() > 0.5
     for count in (1, 2):
-        given = [[5] * count]
-        page = done(tmp_path / str(count), "landmarks", shapes[:count], landmarks=given)
-        assert '"landmarks": [{"name": "1", "at": [5' in page_of(page)
+        given = [placed(name, *[5] * count) for name in ("nose", "tail", "nose")]
+        for i, names in ((2, ["nose", "tail"]), (3, ["1", "2", "3"])):  # two of one name
+            folder = tmp_path / f"{count}-{i}"
+            page = done(folder, "landmarks", shapes[:count], landmarks=given[:i])
+            shown = json.dumps([placed(name, *[5] * count) for name in names])
+            assert f'"landmarks": {shown}' in page_of(page)
 
 
 def test_a_collection_is_searched_and_what_is_gone_is_not_offered(shapes, tmp_path) -> None:
@@ -248,4 +259,4 @@ def test_a_sample_pair_is_ours(tmp_path) -> None:
 
 def test_landmarks_that_do_not_fit_are_refused(shapes, tmp_path) -> None:
     with pytest.raises(InputError, match="600"):
-        done(tmp_path, "match", shapes, landmarks=[[600, 0]])
+        done(tmp_path, "match", shapes, landmarks=[placed("nose", 600, 0)])

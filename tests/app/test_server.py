@@ -117,7 +117,8 @@ def test_the_way_of_a_shape(app, ply) -> None:
     assert shape(state, second)["name"] == "other ball.ply"
     status, headers, picture = app.ask("GET", f"shapes/{first}/picture")
     assert (status, headers["content-type"], picture[:4]) == (200, "image/png", b"\x89PNG")
-    asked = {"do": "landmarks", "shapes": [first, second], "landmarks": [[3, 4]]}
+    nose = {"name": "nose", "at": [3, 4]}
+    asked = {"do": "landmarks", "shapes": [first, second], "landmarks": [nose]}
     app.send("POST", "jobs", asked)
     (result,) = app.wait(lambda s: s["results"])["results"]
     assert "path" not in json.dumps(result)
@@ -226,10 +227,12 @@ def test_requests_that_make_no_sense_are_refused(app, body) -> None:
     ("asked", "told"),
     [
         ({"do": "distance", "landmarks": []}, "click a place"),
-        ({"do": "distance", "landmarks": [["x"]]}, "vertex numbers"),
-        ({"do": "landmarks", "landmarks": [[1, 2]]}, "vertex numbers"),
-        ({"do": "landmarks", "landmarks": [[-1]]}, "vertex numbers"),
+        ({"do": "distance", "landmarks": [{"name": "", "at": ["x"]}]}, "vertex numbers"),
+        ({"do": "landmarks", "landmarks": [{"name": "", "at": [1, 2]}]}, "vertex numbers"),
+        ({"do": "landmarks", "landmarks": [{"name": "", "at": [-1]}]}, "vertex numbers"),
         ({"do": "landmarks", "landmarks": {"a": 1}}, "vertex numbers"),
+        ({"do": "landmarks", "landmarks": [[1]]}, "vertex numbers"),
+        ({"do": "landmarks", "landmarks": 1}, "vertex numbers"),
     ],
 )
 def test_options_are_checked(app, ply, asked, told) -> None:
@@ -261,12 +264,13 @@ def test_another_map_of_a_match_is_asked_for_by_its_number() -> None:
     shapes = {1: {"state": "good"}, 2: {"state": "good"}}
     other = {"path": "1.npz", "name": "other.npz", "command": ["match"], "python": ["match()"]}
     result = {"shapes": [1, 2], "map_file": "0.npz", "files": [{"name": "map.npz"}]}
-    results = {3: result | {"alternatives": [other], "landmarks": [[4, 5]]}}
+    result |= {"alternatives": [other], "landmarks": [{"name": "nose", "at": [4, 5]}]}
+    results = {3: result}
     asked = {"do": "choose", "result": 3}
     job = check_request(asked | {"alternative": 0}, shapes, results, {}, None)
     assert (job["map_file"], job["map_name"]) == ("1.npz", "other.npz")
     assert (job["command"], job["python"]) == (["match"], ["match()"])
-    assert (job["shapes"], job["landmarks"]) == ([1, 2], [[4, 5]])
+    assert (job["shapes"], job["landmarks"]) == ([1, 2], result["landmarks"])
     for wrong in (1, -1, None, "0", True):
         with pytest.raises(InputError, match="that map is not there"):
             check_request(asked | {"alternative": wrong}, shapes, results, {}, None)
@@ -276,7 +280,8 @@ def test_work_on_a_shape_that_was_removed_is_dropped(app, ply) -> None:
     i = put(app, "ball.ply", ply)
     app.wait(lambda s: not s["jobs"])
     sample = app.send("POST", "jobs", {"do": "sample"})["id"]
-    app.send("POST", "jobs", {"do": "distance", "shapes": [i], "landmarks": [[1]]})
+    asked = {"do": "distance", "shapes": [i], "landmarks": [{"name": "", "at": [1]}]}
+    app.send("POST", "jobs", asked)
     app.send("DELETE", f"shapes/{i}")
     app.send("DELETE", f"jobs/{sample}")
     state = app.wait(lambda s: not s["jobs"])
@@ -287,7 +292,7 @@ def test_jobs_wait_in_a_queue_and_are_cancelled(app, ply) -> None:
     i = put(app, "ball.ply", ply)
     app.wait(lambda s: not s["jobs"])
     asked = {"do": "distance", "shapes": [i]}
-    wanted = [{"do": "sample"}, *(asked | {"landmarks": [[v]]} for v in (1, 2))]
+    wanted = [{"do": "sample"}, *(asked | {"landmarks": [{"name": "", "at": [v]}]} for v in (1, 2))]
     jobs = [app.send("POST", "jobs", job)["id"] for job in wanted]
     assert [app.send("POST", "jobs", job)["id"] for job in wanted] == jobs  # nothing is done twice
     state = app.get("state")
@@ -348,7 +353,8 @@ def test_a_failed_job_is_a_sentence(app, tmp_path: Path) -> None:
     write_mesh(tmp_path / "a.ply", Mesh(mesh.vertices, mesh.faces))
     i = put(app, "dog.ply", (tmp_path / "a.ply").read_bytes())
     app.wait(lambda s: not s["jobs"])
-    app.send("POST", "jobs", {"do": "distance", "shapes": [i], "landmarks": [[600]]})
+    asked = {"do": "distance", "shapes": [i], "landmarks": [{"name": "", "at": [600]}]}
+    app.send("POST", "jobs", asked)
     (trouble,) = app.wait(lambda s: s["troubles"])["troubles"]
     assert trouble["text"].startswith("Measuring distances on dog.ply: ")
     app.send("DELETE", f"troubles/{trouble['id']}")

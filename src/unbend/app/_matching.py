@@ -5,19 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from unbend._display import is_doubtful
 from unbend._text import plural, quoted
-from unbend.app._work import Result, Work
+from unbend.app._work import Landmarks, Result, Work, by_label
 from unbend.correspondence import write_match
 from unbend.io import write_map
 from unbend.matching import Match
 from unbend.matching import match as find_match
 from unbend.matching import symmetry as find_symmetry
 from unbend.report import match_colors, match_page, view
-
-Landmarks = Sequence[Sequence[int]]
 
 _N_MATCHES, _LARGE = 3, 60_000  # vertices beyond which other maps would take too long
 
@@ -26,7 +22,7 @@ def match(work: Work, landmarks: Landmarks = (), mirror: bool = False) -> Result
     count = _N_MATCHES if max(mesh.n_vertices for mesh in work.meshes) <= _LARGE else 1
     found = find_match(
         *work.meshes,
-        landmarks=landmarks,
+        landmarks=by_label(landmarks),
         n_matches=count,
         allow_mirror=mirror,
         barycentric=True,
@@ -38,7 +34,7 @@ def match(work: Work, landmarks: Landmarks = (), mirror: bool = False) -> Result
     more = ""
     if landmarks:
         command += ["--landmarks", "landmarks.csv"]
-        more += f", landmarks={list(map(list, landmarks))}"
+        more += f", landmarks={by_label(landmarks)}"
     if mirror:
         command.append("--allow-mirror")
         more += ", allow_mirror=True"
@@ -91,8 +87,7 @@ def landmarks(work: Work, landmarks: Landmarks = ()) -> Result:
     """Show one or two shapes on which landmarks are placed."""
     work.progress("drawing", 0.0)
     a, b = work.meshes[0], work.meshes[1] if len(work.meshes) > 1 else None
-    given = np.array(landmarks).ravel() if b is None else np.array(landmarks)
-    view(a, b, given, work.page, up=work.up)
+    view(a, b, by_label(landmarks), work.page, up=work.up)
     call = f"report.view({', '.join(map(repr, work.names))}).open()"
     title = f"Landmarks on {' and '.join(work.names)}"
     return work.result(title, ["view", *work.names], ["from unbend import report", call])
@@ -114,7 +109,7 @@ def _matched(
         write_map(work.new_file(Path(name).stem + suffix, about), found.source_to_target)
     if landmarks:
         table = work.new_file("landmarks.csv", "the landmarks")
-        rows = "".join(f"{i},{j}\n" for i, j in landmarks)
+        rows = "".join("{},{}\n".format(*one["at"]) for one in landmarks)
         table.write_text(f"source,target\n{rows}", encoding="utf-8", newline="\n")
     colors = match_colors(source, target, found)
     for i, (mesh, own) in enumerate(zip(work.meshes, colors, strict=True)):
@@ -128,7 +123,7 @@ def _matched(
         found,
         work.page,
         up=work.up,
-        landmarks=landmarks,
+        landmarks=by_label(landmarks),
         command=quoted("unbend", *command),
         progress=work.progress,
     )
@@ -147,7 +142,7 @@ def _matched(
         "map_file": str(whole),
         "confidence": _in_words(found.confidence),
         "doubtful": is_doubtful(found.confidence),
-        "landmarks": list(map(list, landmarks)),
+        "landmarks": list(landmarks),
         "alternatives": [],
     }
 

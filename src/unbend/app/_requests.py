@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from unbend._text import printable
 from unbend.errors import InputError
 
 # What there is to do: its title, and of how many shapes.
@@ -53,12 +54,12 @@ def check_request(
         raise InputError("that shape is not there any more, or cannot be used")
     job["shapes"] = chosen
     if what in ("match", "landmarks"):
-        job["landmarks"] = _rows(asked.get("landmarks", []), len(chosen))
+        job["landmarks"] = _landmarks(asked.get("landmarks", []), len(chosen))
     if what == "match":
         job["mirror"] = asked.get("mirror") is True
     elif what == "distance":
-        job["vertices"] = [row[0] for row in _rows(asked.get("landmarks", []), 1)]
-        if not job["vertices"]:
+        job["landmarks"] = _landmarks(asked.get("landmarks", []), 1)
+        if not job["landmarks"]:
             raise InputError("click a place on the shape first")
     elif what == "choose":
         alternatives = dict(enumerate(result["alternatives"]))
@@ -86,12 +87,14 @@ def _whole(value: Any) -> int:
     return value if isinstance(value, int) and not isinstance(value, bool) else -1
 
 
-def _rows(given: Any, width: int) -> list[list[int]]:
-    """Check landmarks: rows of as many vertex numbers as there are shapes."""
-    good = isinstance(given, list) and all(
-        isinstance(row, list) and len(row) == width and all(0 <= _whole(one) < 2**53 for one in row)
-        for row in given
-    )
-    if not good:
-        raise InputError("landmarks are rows of vertex numbers, one of each shape")
-    return list(given)
+def _landmarks(given: Any, width: int) -> list[dict[str, Any]]:
+    """Check landmarks: each a label, and a vertex number of each shape."""
+    refusal = InputError("landmarks are labels with vertex numbers, one of each shape")
+    try:
+        found = [(printable(str(one["name"])), list(one["at"])) for one in given]
+    except (LookupError, TypeError):
+        raise refusal from None
+    for _, at in found:
+        if len(at) != width or not all(0 <= _whole(vertex) < 2**53 for vertex in at):
+            raise refusal
+    return [{"name": name[:_MOST_LETTERS], "at": at} for name, at in found]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from unbend import correspondence, io, report
-from unbend.app._work import Result, Work
+from unbend.app._work import Landmarks, Result, Work, by_label
 from unbend.canonical import canonical_form
 from unbend.distances import distance as measure
 from unbend.mesh import Mesh
@@ -19,11 +19,12 @@ _N_FOUND = 20  # shapes of a collection
 _LARGEST = ("--component", "largest")
 
 
-def distance(work: Work, vertices: Sequence[int]) -> Result:
+def distance(work: Work, landmarks: Landmarks) -> Result:
     work.progress("measuring", 0.0)
     (mesh,), (stem,) = work.meshes, work.stems
+    vertices = [one["at"][0] for one in landmarks]
     nearest = measure(mesh, vertices, component="largest").min(axis=0)
-    report.view(mesh, values=nearest, landmarks=vertices, path=work.page, up=work.up)
+    report.view(mesh, values=nearest, landmarks=by_label(landmarks), path=work.page, up=work.up)
     for suffix in (".csv", ".ply", ".glb"):
         path = work.new_file(f"{stem}-distance{suffix}", "the distance of each vertex")
         io.write_values(path, nearest, mesh)
@@ -31,7 +32,7 @@ def distance(work: Work, vertices: Sequence[int]) -> Result:
     facts = {"farthest": f"vertex {at}, at {nearest[at]:.5g} in the unit of the file"}
     starts = [word for one in vertices for word in ("--from", str(one))]
     command = ["distance", mesh.name, *starts, *_LARGEST, "-o", f"{stem}-distance.ply"]
-    options = f'{list(vertices)}, component="largest"'
+    options = f'{vertices}, component="largest"'
     call = f"distances = distance({mesh.name!r}, {options}).min(axis=0)"
     python = ["from unbend import distance", call]
     return work.result(f"Distances on {mesh.name}", command, python, facts)

@@ -21,8 +21,16 @@ from unbend.report.figures import drawable, upright
 from unbend.report.raster import thumbnail
 
 Result = dict[str, Any]
+Landmarks = Sequence[Mapping[str, Any]]  # each a label, "name", and vertices, "at"
 
 _PICTURE = 240  # pixels across
+
+
+def by_label(landmarks: Landmarks) -> Any:
+    """Give landmarks as unbend takes them: by label, or without if two have the same."""
+    names = [one["name"] for one in landmarks]
+    at = [one["at"] if len(one["at"]) > 1 else one["at"][0] for one in landmarks]
+    return dict(zip(names, at, strict=True)) if len(set(names)) == len(names) else at
 
 
 @dataclass

@@ -244,8 +244,8 @@ function showPlaced(result) {
     : button("Measure distances from there", act({ do: "distance" }), { class: "main", disabled: !landmarks.length }));
 }
 
-// The vertices of the landmarks that are on every shape of the page in the frame.
-const complete = () => (placed[shown] || []).map(({ at }) => at).filter((at) => at.every((vertex) => vertex >= 0));
+// The landmarks that are on every shape of the page in the frame.
+const complete = () => (placed[shown] || []).filter(({ at }) => at.every((vertex) => vertex >= 0));
 
 // That page tells which landmarks are on it. After a reload it is told what was placed last.
 addEventListener("message", ({ source, data }) => {
