@@ -266,6 +266,26 @@ def test_landmarks_outlast_their_tab_and_are_its_own_and_work_is_cancelled(page,
     assert page.run(f"{last}[0]") == theirs
 
 
+def test_what_is_ready_after_a_reload_or_during_one_is_shown(page, app, dogs):
+    page.choose_file("#choose", *dogs)
+    page.wait_for(GOOD.format(2))
+    press(page, "Landmarks, distances")
+    page.wait_for("state.results.length === 1")
+    address = page.run("location.href")
+    for count in (2, 3):
+        page.run("document.querySelector('#results button').click()")
+        press(page, "Match")
+        page.wait_for("state.jobs.length === 1")
+        if count == 3:
+            page.call("Page.navigate", url="about:blank")
+            app.wait(lambda state: len(state["results"]) == 3)
+        page.visit(address)
+        page.wait_for(f"state.results.length === {count}")
+        pressed = "[...document.querySelectorAll('#results button')].map(b => b.ariaPressed)"
+        assert page.run(pressed) == ["false"] * (count - 1) + ["true"]
+        assert page.run("document.activeElement.id") == "results-head"
+
+
 def test_a_killed_worker_is_a_sentence(page, app, dogs):
     page.choose_file("#choose", *dogs)
     page.wait_for(GOOD.format(2))

@@ -15,8 +15,8 @@ const PLAIN = {
   spectrum: "measuring both shapes", search: "trying ways to match them", refine: "refining the map", register: "fitting",
 };
 let state = { version: -1, shapes: [], results: [], jobs: [], troubles: [] };
-// The page of the result that is shown, and whether its shapes are open; the job whose result to show.
-let frame = null, shown = null, usable = false, wanted = null;
+// The page of the result that is shown, and whether its shapes are open.
+let frame = null, shown = null, usable = false;
 
 // An element with attributes, listeners and children; text is never taken for HTML.
 function make(name, given = {}, ...children) {
@@ -70,7 +70,7 @@ function complain(text, id) {
 }
 
 async function submit(job) {
-  wanted = (await ask("POST", "jobs", JSON.stringify(job))).id;
+  remember({ wanted: (await ask("POST", "jobs", JSON.stringify(job))).id }); // whose result to show
   say("Started.");
 }
 
@@ -272,12 +272,11 @@ async function look() {
   showShapes();
   showJobs();
   const fresh = state.results.filter(({ id }) => !before.results.some((one) => one.id === id));
-  if (before.version >= 0 && fresh.length) {
-    say(`Ready: ${fresh.at(-1).title}`);
-    if (fresh.some(({ id }) => id === wanted)) remember({ result: wanted });
-  }
+  if (before.version >= 0 && fresh.length) say(`Ready: ${fresh.at(-1).title}`);
+  const ready = fresh.some(({ id }) => id === kept.wanted);
+  if (ready) remember({ result: kept.wanted, wanted: null });
   showResults();
-  if (before.version >= 0 && fresh.some(({ id }) => id === wanted)) part("results-head").focus();
+  if (ready) part("results-head").focus();
   for (const { id, text } of state.troubles) {
     if (!before.troubles.some((one) => one.id === id)) complain(text, id);
   }
