@@ -117,6 +117,10 @@ def test_from_two_dropped_files_to_a_saved_map_with_hints(page, dogs, tmp_path, 
     page.run("document.querySelector('[aria-label=\"Remove standing.ply\"]').click()")
     page.wait_for("part('result').textContent.includes('A shape of this result was removed')")
     assert "Use this map" not in page.run("part('result').textContent")
+    # Opened again, it is a new shape, as the page says.
+    page.choose_file("#choose", dogs[0])
+    page.wait_for(GOOD.format(2))
+    assert "open it and do the same again" in page.run("part('result').textContent")
 
 
 def test_a_bad_file_is_a_sentence_beside_good_ones(page, dogs, tmp_path, screenshots):

@@ -170,7 +170,7 @@ function panel(result) {
   const trust = result.confidence && make("b", {}, `The map is ${result.confidence}. `);
   if (result.facts.length) blocks.push(make("p", {}, trust, ...result.facts.map(([name, value]) => `${name}: ${value}. `)));
   for (const text of result.warnings || []) blocks.push(make("p", { class: "trouble" }, text));
-  if (!usable) blocks.push(make("p", { class: "hint" }, "A shape of this result was removed. Open it again to go on."));
+  if (!usable) blocks.push(make("p", { class: "hint" }, "A shape of this result was removed. To go on, open it and do the same again."));
   else if (result.do === "landmarks") blocks.push(make("div", { class: "controls", id: "placed" }));
   if (result.page) {
     frame = make("iframe", { src: `results/${id}/page`, title: result.title, sandbox: "allow-scripts allow-downloads" });
