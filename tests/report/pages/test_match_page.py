@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from unbend import Match, Mesh, evaluate, match
+from unbend.datasets import make_biped
 from unbend.errors import FileError, InputError
 from unbend.matching import Hypothesis
 from unbend.report import match_page
@@ -74,6 +75,32 @@ def test_the_page_tells_of_the_match_and_its_errors(blob: Mesh, found: Match) ->
     assert data_of(html)["maps"][0]["expected"] is not None
     assert "by expected error" in html
     assert "expected error" not in match_page(blob, blob, replace(found, expected_error=None)).html
+
+
+def test_the_page_of_a_symmetry_names_it_and_shows_the_shape_as_it_is(found: Match) -> None:
+    # Closest to its mirror image among all rotated copies of a wide body is one turned about.
+    body = make_biped("standing", n_vertices=600)
+    wide = Mesh(body.mesh.vertices * [3, 1, 1], body.mesh.faces, name="body")
+    turned = replace(
+        found,
+        **{"source_to_target": body.mirror, "target_to_source": body.mirror},
+        **{"orientation": -1.0, "expected_error": None},
+    )
+    page = match_page(wide, wide, turned)
+    assert page.title == "Left and right of body"
+    assert "<h1>Left and right of body</h1>" in page.html
+    assert "600 vertices have a mirror partner; confidence 0.75." in page.html
+    assert "mirror partners, same colour" in page.html
+    for meaningless in ("right side out", "Right side out", 'id="morph"', "for display"):
+        assert meaningless not in page.html
+    first, second = data_of(page.html)["sides"]
+    assert first == second
+    doubtful = match_page(wide, wide, replace(turned, confidence=0.3)).html
+    assert "This symmetry is doubtful: its confidence is 0.30." in doubtful
+    other = Mesh(wide.vertices, wide.faces, name="other")
+    html = match_page(wide, other, turned).html
+    assert "right side out</th><td>0% of the surface" in html
+    assert 'id="morph"' in html
 
 
 def test_errors_against_the_mirror_image_and_of_missing_partners_are_told(blob: Mesh) -> None:

@@ -89,7 +89,9 @@ def match_page(
     Notes
     -----
     Of a shape with more than 60,000 vertices so many are drawn; all are computed on. The target is
-    turned as a whole, and scaled to the area of what is matched, to stand as the source does.
+    turned as a whole, and scaled to the area of what is matched, to stand as the source does. The
+    page of what :func:`unbend.symmetry` finds, with the same object as source and target, shows the
+    shape twice as it is, without a morph.
 
     Examples
     --------
@@ -100,6 +102,7 @@ def match_page(
     Page('octopus to octopus', 0.1 MB)
     """
     step = parts.begin_page(path, up, progress)
+    mirror = source is target and isinstance(match, Match) and match.orientation < 0
     source, target = drawable(source), drawable(target)
     if truth is not None and len(truth) not in (2, 3):
         raise InputError("truth must be 2 or 3 lists: source points, images and mirror images")
@@ -108,8 +111,9 @@ def match_page(
     first = next(iter(maps.values()))
     known = first if isinstance(first, Match) else None
     there = as_point_map(first) >= 0
-    carried = carry(source.vertices, first, "scalar", source, target)
-    target = _standing_alike(target, source, carried, there)
+    if not mirror:
+        carried = carry(source.vertices, first, "scalar", source, target)
+        target = _standing_alike(target, source, carried, there)
     shown = show(source), show(target)
     step("page, canonical forms", 0.1)
     forms = _form(source), _form(target)
@@ -123,25 +127,31 @@ def match_page(
         if truth is not None:
             found.append(evaluate(one, target, *truth))
             errors = _errors_of_vertices(source, one, truth, found[-1].direct)
-        shares = _FEW_FRAMES if i else _FRAMES
+        shares = () if mirror else _FEW_FRAMES if i else _FRAMES
         packed.append(_pack_map(one, shown, forms, errors, shares))
     columns = [words.error_section(found[0])] if found else []
     if known is not None and len(known.hypotheses) > 1:
-        columns.append(words.alternatives(known))
+        columns.append(words.alternatives(known, mirror))
     part = f"{there.sum():,}" if there.all() else f"{there.sum():,} of {len(there):,}"
     trust = ""
     if known is not None and not math.isnan(known.confidence):
         trust = f"; confidence {known.confidence:.2f}"
+    title = f"{source.name} to {target.name}"
+    heading = f'{escape(source.name)}<span class="arrow">→</span>{escape(target.name)}'
+    lead = f"{part} vertices matched to a shape of {target.n_vertices:,}{trust}."
+    if mirror:
+        title, heading = f"Left and right of {source.name}", ""
+        lead = f"{part} vertices have a mirror partner{trust}."
     return parts.make_page(
-        f"{source.name} to {target.name}",
-        f"{part} vertices matched to a shape of {target.n_vertices:,}{trust}.",
+        title,
+        lead,
         [
-            words.pictures((source.name, target.name), up, list(maps), packed[0]),
+            words.pictures((source.name, target.name), up, list(maps), packed[0], mirror),
             words.form_section(),
             '<div class="columns">',
             *columns,
             "</div>",
-            words.facts(shown, known, command, ignored),
+            words.facts(shown, known, command, ignored, mirror),
         ],
         {
             "sides": [one.packed() for one in shown],
@@ -158,8 +168,8 @@ def match_page(
         },
         ["match.js"],
         path=path,
-        heading=f'{escape(source.name)}<span class="arrow">→</span>{escape(target.name)}',
-        band=words.doubt(known),
+        heading=heading,
+        band=words.doubt(known, mirror),
     )
 
 

@@ -15,10 +15,15 @@ WORST = 0.1  # the error at the end of the colour scale
 _SIDES = ("source", "target")
 
 
-def doubt(match: Match | None) -> str:
+def doubt(match: Match | None, mirror: bool) -> str:
     """Warning above the page of a match that may well be wrong; empty for other matches."""
     if match is None or not is_doubtful(match.confidence):
         return ""
+    if mirror:
+        return (
+            f"This symmetry is doubtful: its confidence is {match.confidence:.2f}. Look whether "
+            "places on the left have the colours of their mirror partners on the right."
+        )
     others = "from the menu Map" if match.alternatives else "by asking for alternatives"
     return (
         f"This match is doubtful: its confidence is {match.confidence:.2f}. Look whether the same "
@@ -28,7 +33,9 @@ def doubt(match: Match | None) -> str:
     )
 
 
-def pictures(names: Sequence[str], up: str, maps: Sequence[str], first: dict[str, Any]) -> str:
+def pictures(
+    names: Sequence[str], up: str, maps: Sequence[str], first: dict[str, Any], mirror: bool
+) -> str:
     """Both shapes, with controls that move and colour them as the first map, packed, allows."""
     own = ""
     if len(maps) > 1:
@@ -38,7 +45,8 @@ def pictures(names: Sequence[str], up: str, maps: Sequence[str], first: dict[str
             '<label>Morph <input type="range" id="morph" min="0" max="1" step="0.005" value="0">'
             '</label><button type="button" id="play">Play</button>'
         )
-    paints = {"0": "same place, same colour"}
+    same = "mirror partners" if mirror else "same place"
+    paints = {"0": f"{same}, same colour"}
     if first["errors"] is not None:
         paints["1"] = "by error"
     if first["expected"] is not None:
@@ -48,8 +56,8 @@ def pictures(names: Sequence[str], up: str, maps: Sequence[str], first: dict[str
         parts.canvas(
             side,
             f"{side.capitalize()}: {name}",
-            f"The {side} shape, {name}, in three dimensions. The same place has the same colour on "
-            "both shapes; the numbers of a vertex and its partner are shown below.",
+            f"The {side} shape, {name}, in three dimensions. Colours of both shapes: {same}, same "
+            "colour; the numbers of a vertex and its partner are shown below.",
             f"{side}-vertex",
         )
         for side, name in zip(_SIDES, names, strict=True)
@@ -102,40 +110,51 @@ def error_section(found: Evaluation) -> str:
     )
 
 
-def alternatives(match: Match) -> str:
+def alternatives(match: Match, mirror: bool) -> str:
     taken = min(one.energy for one in match.hypotheses)
-    rows = [
+    rows: list[tuple[str, ...]] = [
         (
             "taken" if i == 0 else str(i + 1),
             f"{one.energy:.2%}",
             f"{one.energy - taken:+.2%}",
             f"{one.difference:.1%}",
-            f"{(1 + one.orientation) / 2:.0%}",
+            _right_side_out(one.orientation),
         )
         for i, one in enumerate(match.hypotheses)
     ]
+    heads = ["map", "unexplained", "more than the least", "apart", "right side out"]
+    side = " Right side out is the share of the surface that a map does not turn inside out."
+    if mirror:  # which turns the surface inside out
+        rows, heads, side = [row[:-1] for row in rows], heads[:-1], ""
     return parts.section(
         "Alternatives",
-        table(rows, ("map", "unexplained", "more than the least", "apart", "right side out")),
+        table(rows, heads),
         parts.hint(
             "Unexplained is the share of the surfaces' local shape that differs once each patch is "
             "turned and scaled to fit; a map that leaves hardly more than the first may well be a "
             "symmetry of the shape. Apart is the mean distance between where it and the first "
-            "lead, as a share of the square root of the area. Right side out is the share of the "
-            "surface that a map does not turn inside out."
+            f"lead, as a share of the square root of the area.{side}"
         ),
     )
 
 
+def _right_side_out(orientation: float) -> str:
+    return f"{abs(1 + orientation) / 2:.0%}"
+
+
 def facts(
-    shown: tuple[Shown, Shown], match: Match | None, command: str, ignored: Sequence[str]
+    shown: tuple[Shown, Shown],
+    match: Match | None,
+    command: str,
+    ignored: Sequence[str],
+    mirror: bool,
 ) -> str:
     rows = []
-    for side, one in zip(_SIDES, shown, strict=True):
+    for side, one in zip(("shape",) if mirror else _SIDES, shown, strict=False):
         rows.append((side, "; ".join([one.mesh.name, one.size, *one.mesh.notes, *one.facts])))
-    rows.append(
-        ("for display", "the target is rotated as a whole, and scaled to the source's size")
-    )
+    if not mirror:
+        rotated = "the target is rotated as a whole, and scaled to the source's size"
+        rows.append(("for display", rotated))
     if ignored:
         which = ", ".join(ignored)
         rows.append(("landmarks ignored", f"{which}: they contradict the best-fitting map"))
@@ -144,9 +163,10 @@ def facts(
     overlap = (
         f"{match.overlap_source:.0%} of the source's, {match.overlap_target:.0%} of the target's"
     )
+    rows.append(("confidence", confidence_told(match.confidence)))
+    if not mirror:
+        rows.append(("right side out", f"{_right_side_out(match.orientation)} of the surface"))
     rows += [
-        ("confidence", confidence_told(match.confidence)),
-        ("right side out", f"{(1 + match.orientation) / 2:.0%} of the surface"),
         ("area with a partner", overlap),
         ("residual of the aligned forms", f"{match.residual:.3f}"),
     ]
