@@ -150,6 +150,8 @@ def test_a_label_has_one_colour_on_both_shapes(shapes, matched, tmp_path, monkey
 def test_the_first_shape_is_fitted_and_morphed(shapes, matched, tmp_path) -> None:
     fitted = done(tmp_path, "register", shapes, **uses(matched))
     target = read_mesh(shapes[1][0]).vertices
+    assert "On my galloping.ply: " in page_of(fitted)
+    assert "by distance from my galloping.ply<" in page_of(fitted)
     size = np.ptp(target, axis=0).max()
     off = np.linalg.norm(read_mesh(file_of(fitted, ".ply")).vertices - target, axis=1)
     assert np.median(off) < 0.03 * size

@@ -36,6 +36,13 @@ def test_writes_one_column_per_source(mesh, blob, tmp_path, suffix):
     np.testing.assert_array_equal(found, expected)
 
 
+def test_the_page_says_which_distance_it_shows(mesh, tmp_path):
+    page = tmp_path / "page.html"
+    options = ["--from", "12", "--distance", "biharmonic", "--report", str(page)]
+    assert runner.invoke(app, ["distance", mesh, *options]).exit_code == 0
+    assert "by biharmonic distance</option>" in page.read_text("utf-8")
+
+
 def test_prints_the_farthest_vertex(mesh, blob):
     field = distance(blob, 7, distance="geodesic")[0]
     arguments = ["distance", mesh, "--from", "7"]

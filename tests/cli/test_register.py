@@ -51,11 +51,15 @@ def test_it_tells_and_writes_what_came_out(folder: Path) -> None:
     np.testing.assert_array_equal(written.faces, TEMPLATE.mesh.faces)
     header = (folder / "out.ply").read_bytes()[:400]
     assert b"property double distance\nproperty uchar red" in header
-    rows = run(*given).stdout.splitlines()
+    rows = run(*given, "--report", "page.html").stdout.splitlines()
+    html = Path("page.html").read_text("utf-8")
+    assert f"On the scan: {told['coverage']:.1%} of the template&#x27;s area, within " in html
+    assert "; confidence not estimated.</p>" in html
+    assert "by distance from the scan</option>" in html
     assert rows[0].startswith(f"covered          {told['coverage']:.1%} of the area, within ")
     assert rows[1].startswith("distance there   mean ")
     assert rows[3] == "confidence       not estimated"
-    assert rows[-1] == (
+    assert run(*given).stdout.splitlines()[-1] == (
         "next: open out.ply and scan.ply together in MeshLab or Blender; its colours are the "
         "distance from the scan"
     )

@@ -24,7 +24,8 @@ def distance(work: Work, landmarks: Landmarks) -> Result:
     (mesh,), (stem,) = work.meshes, work.stems
     vertices = [one["at"][0] for one in landmarks]
     nearest = measure(mesh, vertices, component="largest").min(axis=0)
-    report.view(mesh, values=nearest, landmarks=by_label(landmarks), path=work.page, up=work.up)
+    looks: Any = {"landmarks": by_label(landmarks), "label": "distance", "up": work.up}
+    report.view(mesh, values=nearest, path=work.page, **looks)
     for suffix in (".csv", ".ply", ".glb"):
         path = work.new_file(f"{stem}-distance{suffix}", "the distance of each vertex")
         io.write_values(path, nearest, mesh)
@@ -161,9 +162,12 @@ def register(work: Work) -> Result:
         # Once saved, it is not in our folder: it names materials as the file of the first does.
         like = shutil.copy(work.paths[0], work.folder / "like.obj") if keeps else None
         correspondence.write_registration(path, found, like=like)
-    report.view(found.mesh, target, values=found.distances, path=work.page, up=work.up)
+    covered = f"{found.coverage:.1%} of the area, within {found.tolerance:.3g}"
+    looks: Any = {"label": f"distance from {target.name}", "up": work.up}
+    looks["note"] = f"On {target.name}: {covered}."
+    report.view(found.mesh, target, values=found.distances, path=work.page, **looks)
     facts = {
-        "on the second shape": f"{found.coverage:.1%} of the area, within {found.tolerance:.3g}",
+        "on the second shape": covered,
         "mean distance": f"{np.nanmean(found.distances):.3g} in the unit of the file",
     }
     command = ["register", *work.names, "--map", work.map_name, "-o", f"{stem}.ply"]

@@ -81,7 +81,7 @@ def distance(
     if figure is not None:
         unbend.report.draw_values(shape, nearest, figure, label=f"{kind} distance", up=up)
     if report is not None:
-        unbend.report.view(shape, values=nearest, path=report, up=up)
+        unbend.report.view(shape, values=nearest, label=f"{kind} distance", path=report, up=up)
     farthest = first_largest(np.nan_to_num(field, nan=-1.0).T)
     lines = {"mesh": f"{shape.name}, {shape.n_vertices:,} vertices", "distance": kind}
     reached = []

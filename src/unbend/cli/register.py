@@ -75,7 +75,10 @@ def register(
     like = output.lines_to_keep(out, template, whole=component is None)
     unbend.correspondence.write_registration(out, found, like=like)
     if report is not None:
-        unbend.report.view(found.mesh, shapes[1], path=report, values=found.distances, up=up)
+        covered = f"{found.coverage:.1%} of the template's area, within {found.tolerance:.3g}"
+        note = f"On the scan: {covered}; confidence {output.confidence_of(found)}."
+        looks: Any = {"label": "distance from the scan", "note": note, "up": up}
+        unbend.report.view(found.mesh, shapes[1], path=report, values=found.distances, **looks)
     one = _numbers(paths[0], out, found)
     lines = {
         "covered": f"{found.coverage:.1%} of the area, within {found.tolerance:.3g}",

@@ -375,7 +375,7 @@ def test_far_from_the_origin_shapes_and_values_keep_their_detail(browser, dogs, 
         markup["controlPoints"][0]["position"], there.vertices[12], rtol=0, atol=2e-6 * size
     )
     text = browser.run("document.querySelector('.scale').parentElement.textContent")
-    low, high = (float(one) for one in text.removeprefix("Values: ").removesuffix(".").split())
+    low, high = (float(one) for one in text.removeprefix("Value: ").removesuffix(".").split())
     np.testing.assert_allclose([low - 1e7, high - 1e7], [height.min(), height.max()], atol=1e-3)
 
 
@@ -385,7 +385,7 @@ def test_colours_are_those_of_the_legend(browser, dogs, tmp_path) -> None:
     values = np.append(np.arange(900.0), [1e4, np.inf])
     values[3] = -np.inf
     page = view(loose, values=values, path=tmp_path / "values.html")
-    assert "values from 0 to 899" in page.html
+    assert "value: 0 to 899" in page.html
     browser.open(tmp_path / "values.html")
     shares = browser.run("[...part('shape-0').view.meshes[0].value]")
     known = np.arange(900) != 3

@@ -64,7 +64,14 @@ def test_pages_read_landmarks_of_3d_slicer_as_python_does(blob: Mesh) -> None:
 
 
 def test_constant_values_are_shown(blob: Mesh) -> None:
-    assert "values from 3 to 3" in view(blob, values=np.full(642, 3.0)).html
+    assert "value: 3 to 3" in view(blob, values=np.full(642, 3.0)).html
+
+
+def test_a_page_says_what_its_values_are(blob: Mesh) -> None:
+    html = view(blob, values=np.arange(642), label="height <b>", note="Of 1 & 2.").html
+    for told in ("height &lt;b&gt;: 0 to 641. Of 1 &amp; 2.</p>", "by height &lt;b&gt;<"):
+        assert told in html
+    assert 'Height &lt;b&gt;: 0 <span class="scale">' in html
 
 
 def test_a_page_opens_in_a_browser(
@@ -99,12 +106,12 @@ def test_the_command_writes_and_opens_a_page(
     assert "unbend match a.ply b.ply --landmarks landmarks.csv" in result.stdout
     html = Path("page.html").read_text("utf-8")
     assert '"landmarks": [{"name": "1", "at": [3, 4]}]' in html
-    assert "values from 0 to 641" in html
+    assert "value: 0 to 641" in html
     assert not opened
     write_mesh("two.ply", blob, scalars={"heat": np.arange(642.0), "cold": np.arange(3.0, 645)})
     line = ["view", "a.ply", "--values", "two.ply", "-o", "page.html", "--no-open"]
     assert run(app, [*line, "--property", "cold"]).exit_code == 0
-    assert "values from 3 to 644" in Path("page.html").read_text("utf-8")
+    assert "value: 3 to 644" in Path("page.html").read_text("utf-8")
     assert "name one of them with --property" in run(app, line).output
     assert run(app, ["view", "a.ply", "--property", "cold"]).exit_code == 2
     assert run(app, ["view", "a.ply", "-o", "one.html"]).exit_code == 0

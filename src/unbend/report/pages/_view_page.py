@@ -35,6 +35,8 @@ def view(
     path: StrPath | None = None,
     *,
     values: npt.ArrayLike | None = None,
+    label: str = "value",
+    note: str = "",
     up: Axis = "y",
 ) -> Page:
     """Write a page that shows one or two meshes, their vertex numbers and landmarks.
@@ -52,6 +54,10 @@ def view(
         Vertices of both shapes, counted from 0; of one shape, its vertices; either perhaps by name.
     values : (n,) array_like of float, optional
         A number for each vertex of `a`, shown as colours; NaN is grey.
+    label : str, default="value"
+        What such a number is.
+    note : str, default=""
+        A sentence to show above the shapes.
     path, up
         As for :func:`match_page`.
 
@@ -85,14 +91,14 @@ def view(
     scalars = None if values is None else check_values(values, meshes[0])
     packed, lead = [], []
     for i, mesh in enumerate(meshes):
-        one, facts = _packed(mesh, None if i else scalars)
+        one, facts = _packed(mesh, None if i else scalars, label)
         packed.append(one)
         lead.append(f"{mesh.name}: {'; '.join(facts)}.")
     named = checked_landmarks(landmarks, meshes)
     return parts.make_page(
         " and ".join(names),
-        " ".join(lead),
-        [_pictures(names, up, packed[0].get("limits")), _table(names)],
+        " ".join([*lead, note]).strip(),
+        [_pictures(names, up, packed[0].get("limits"), label), _table(names)],
         {"shapes": packed, "landmarks": [{"name": name, "at": at} for name, at in named]},
         ("landmarks.js", "view.js"),
         path=path,
@@ -100,7 +106,7 @@ def view(
     )
 
 
-def _packed(mesh: Mesh, scalars: FloatArray | None) -> tuple[dict[str, Any], list[str]]:
+def _packed(mesh: Mesh, scalars: FloatArray | None, label: str) -> tuple[dict[str, Any], list[str]]:
     """Pack a shape, perhaps with values, and tell of it."""
     shown = show(mesh)
     packed = shown.packed() | {"name": mesh.name, "standIns": pack_whole(shown.stand_ins)}
@@ -113,11 +119,11 @@ def _packed(mesh: Mesh, scalars: FloatArray | None) -> tuple[dict[str, Any], lis
     facts = [size, *mesh.notes, *shown.facts]
     if scalars is not None:
         low, high = limits = float(np.nanmin(scalars)), float(np.nanmax(scalars))
-        facts.append("values from {} to {}".format(*_told_apart(low, high)))
+        facts.append("{}: {} to {}".format(label, *_told_apart(low, high)))
         seen = scalars[shown.ids, None]
         packed["values"] = pack_places(seen, (high - low) / _STEPS or None)
         packed["known"] = pack_whole(np.isfinite(seen))
-        packed["limits"] = limits
+        packed |= {"limits": limits, "label": label}
     return packed, facts
 
 
@@ -128,12 +134,13 @@ def _told_apart(low: float, high: float) -> tuple[str, str]:
     return f"{low:.{digits}g}", f"{high:.{digits}g}"
 
 
-def _pictures(names: list[str], up: str, limits: tuple[float, float] | None) -> str:
+def _pictures(names: list[str], up: str, limits: tuple[float, float] | None, label: str) -> str:
     paints, legend = {"2": "plain", "0": "by place"}, ""
     if limits is not None:
-        paints = {"1": "by value"} | paints
+        paints = {"1": f"by {label}"} | paints
         low, high = _told_apart(*limits)
-        legend = parts.hint(f'Values: {low} <span class="scale"></span> {high}.')
+        begin = escape(f"{label[:1].upper()}{label[1:]}: {low}")
+        legend = parts.hint(f'{begin} <span class="scale"></span> {high}.')
     views = [
         parts.canvas(
             f"shape-{side}",

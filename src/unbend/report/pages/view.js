@@ -78,10 +78,10 @@ start(async ({ shapes, landmarks: given }) => {
     readout.textContent = vertex < 0 ? "" : told(shape, vertex);
   }
 
-  function told({ name, number, places, size, values, known, limits }, vertex) {
+  function told({ name, number, places, size, values, known, limits, label }, vertex) {
     const place = row(places, vertex).map((x) => rounded(x, size)).join(", ");
     const value = known?.[vertex] ? rounded(values[vertex], limits[1] - limits[0]) : "unknown";
-    return `${name}: vertex ${number(vertex)} at (${place})${values ? `, value ${value}` : ""}`;
+    return `${name}: vertex ${number(vertex)} at (${place})${values ? `, ${label} ${value}` : ""}`;
   }
 
   function place(side, vertex) {
