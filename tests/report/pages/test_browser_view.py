@@ -262,7 +262,7 @@ def test_files_that_do_not_fit_change_nothing(page, tmp_path) -> None:
     for point, told in (
         ({"label": "nose", "position": [99, 0, 0]}, "point nose is far from a"),
         (nowhere, "no position"),
-        ({"label": "nose"}, "no .mrk.json file"),
+        ({"label": "nose"}, "no landmark file of 3D Slicer"),
         ({"label": "a", "position": [9, 9, 9], "description": "vertex 9"}, "point a is far from a"),
         ({"description": "vertex 900", "position": [0, 0, 0]}, "vertex 900 is not on a"),
     ):
@@ -271,6 +271,39 @@ def test_files_that_do_not_fit_change_nothing(page, tmp_path) -> None:
         page.drop(*page.middle("#shape-0"), tmp_path / "bad.json")
         page.wait_for(f"{STATUS}.includes({told!r})")
         assert table(page) == before
+
+
+FCSV = '''# Markups fiducial file version = 4.6
+# CoordinateSystem = 0
+a,{0},{1},{z},0,0,0,1,1,1,0,"nose, ""tip""",vertex 12,
+'''
+PP = """<PickedPoints><point name="ear" active="0"/>
+<point x="{x}" y="{y}" z="{z}" active="1" name="nose, &quot;tip&quot;"/>
+</PickedPoints>"""
+
+
+@pytest.mark.parametrize(("suffix", "text"), [("fcsv", FCSV), ("pp", PP)])
+def test_points_of_older_slicers_and_of_meshlab_are_read_alike(
+    page, dogs, tmp_path, suffix, text
+) -> None:
+    path, (x, y, z) = tmp_path / f"points.{suffix}", dogs[0].vertices[12].tolist()
+    text = text.format(-x, -y, x=x, y=y, z=z)
+    path.write_text(text, "utf-8")
+    page.choose_file("#load-0", path)
+    page.wait_for(f"{STATUS} === 'Loaded {path.name}.'")
+    names = page.run("[...part('landmarks').querySelectorAll('input')].map(e => e.value)")
+    assert read_markups(path, dogs[0])[0] == names == ['nose, "tip"']
+    assert table(page) == [[12, -1]]
+    for damaged, told in (
+        (text[:-40], "no landmark file"),
+        (text.replace(f"{z}", ""), "no position"),
+    ):
+        path.write_text(damaged, "utf-8")
+        page.drop(*page.middle("#shape-0"), path)
+        page.wait_for(f"{STATUS}.includes({told!r})")
+        assert table(page) == [[12, -1]]
+    assert [one for one in page.problems if "inline style" not in one] == []  # of its own note
+    page.problems.clear()
 
 
 def test_landmarks_of_one_shape_have_names(browser, dogs, tmp_path) -> None:

@@ -149,7 +149,8 @@ def _pictures(names: list[str], up: str, limits: tuple[float, float] | None, lab
             "Enter places a landmark.",
             f"vertex-{side}",
             f'<button type="button" id="markups-{side}">Save .mrk.json</button><label>'
-            f'Load .mrk.json <input type="file" id="load-{side}" accept=".json"></label>',
+            f'Load .mrk.json, .fcsv or .pp <input type="file" id="load-{side}" '
+            'accept=".json,.fcsv,.pp"></label>',
         )
         for side, name in enumerate(names)
     ]

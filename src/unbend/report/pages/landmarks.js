@@ -4,6 +4,31 @@ const SCHEMA = "https://raw.githubusercontent.com/slicer/slicer/master/Modules/L
 const FARTHEST = 0.03; // from the mesh, of its size, where a loaded point may lie
 const MOVED = 1e-3; // from its vertex, of the mesh's size, where a loaded point has been moved; more if that is not drawn
 
+// Points in files of 3D Slicer and MeshLab, by the suffix of the file, as read_markups reads them.
+const POINT_FILES = /\.(json|fcsv|pp)$/i;
+const FLIPS = { LPS: 1, RAS: -1, 1: 1, 0: -1 };
+const coordinate = (text) => (text?.trim() ? +text : NaN);
+const READERS = {
+  json: (text) => JSON.parse(text).markups.flatMap(({ coordinateSystem = "LPS", controlPoints }) => controlPoints.map(
+    ({ label = "", description = "", position: [x, y, z], positionStatus = "defined" }) => ({
+      name: label, description, axes: coordinateSystem, place: positionStatus === "defined" ? [x, y, z] : [],
+    }))),
+  fcsv: (text) => {
+    const axes = text.match(/^#.*CoordinateSystem *= *(\w+)/m)?.[1] || "RAS";
+    return text.split(/\r?\n/).filter((line) => line && !line.startsWith("#")).map((line) => {
+      const words = line.split(/,(?=(?:[^"]*"[^"]*")*[^"]*$)/).map((word) => word.replace(/^"(.*)"$/, "$1").replaceAll('""', '"'));
+      return { name: words[11], description: words[12], axes, place: words.slice(1, 4).map(coordinate) };
+    });
+  },
+  pp: (text) => {
+    const points = new DOMParser().parseFromString(text, "text/xml");
+    if (points.querySelector("parsererror")) throw Error();
+    return [...points.querySelectorAll("point:not([active='0'])")].map((one) => ({
+      name: one.getAttribute("name") || "", description: "", axes: "LPS", place: ["x", "y", "z"].map((axis) => coordinate(one.getAttribute(axis))),
+    }));
+  },
+};
+
 // Each landmark is {name, at}, `at` its vertex on each shape, by the numbers of the files, -1 for none.
 class Landmarks {
   constructor(shapes, list, changed) {
@@ -97,18 +122,15 @@ class Landmarks {
     return JSON.stringify({ "@schema": SCHEMA, markups }, null, 1);
   }
 
-  // Points of 3D Slicer on one shape, in place of those that are there; paired by their labels. A
+  // Points of a file on one shape, in place of those that are there; paired by their labels. A
   // described vertex tells which of several at a place is meant. Returns how many points lie elsewhere.
-  loadMarkups(text, side) {
+  loadMarkups(text, suffix, side) {
     let points;
     try {
-      points = JSON.parse(text).markups.flatMap(({ coordinateSystem, controlPoints }) => controlPoints.map(
-        ({ label = "", description = "", position, positionStatus = "defined" }) => ({
-          name: label, description, place: [0, 1, 2].map((k) => (positionStatus !== "defined" ? NaN
-            : coordinateSystem === "RAS" && k < 2 ? -position[k] : position[k])),
-        })));
+      points = READERS[suffix](text).map(({ name, description, axes, place: [x, y, z] }) => (
+        { name, description: description.trim(), place: [FLIPS[axes] * x, FLIPS[axes] * y, z] }));
     } catch {
-      throw Error("it is no .mrk.json file of 3D Slicer");
+      throw Error(`it is no landmark file of ${suffix === "pp" ? "MeshLab" : "3D Slicer"}, or a damaged one`);
     }
     if (!points.length) throw Error("it holds no points");
     const { places, seen, number, size, reach } = this.shapes[side];

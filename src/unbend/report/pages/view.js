@@ -111,7 +111,8 @@ start(async ({ shapes, landmarks: given }) => {
   async function load(file, side) {
     try {
       const text = await file.text();
-      const moved = /\.json$/i.test(file.name) ? landmarks.loadMarkups(text, side) : landmarks.loadCsv(text);
+      const suffix = file.name.match(POINT_FILES)?.[1].toLowerCase();
+      const moved = suffix ? landmarks.loadMarkups(text, suffix, side) : landmarks.loadCsv(text);
       say(`Loaded ${file.name}.${moved ? ` Not at the vertices they are described by, but taken where they lie: ${moved}.` : ""}`);
     } catch (error) {
       say(`${file.name} was not loaded: ${error.message}.`);
@@ -130,7 +131,7 @@ start(async ({ shapes, landmarks: given }) => {
     event.preventDefault();
     const side = views.findIndex(({ canvas }) => canvas.parentElement.contains(event.target));
     for (const file of event.dataTransfer.files) {
-      if (side < 0 && shapes.length > 1 && /\.json$/i.test(file.name)) say(`Drop ${file.name} onto one of the shapes.`);
+      if (side < 0 && shapes.length > 1 && POINT_FILES.test(file.name)) say(`Drop ${file.name} onto one of the shapes.`);
       else load(file, Math.max(side, 0));
     }
   });
