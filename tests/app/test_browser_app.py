@@ -102,6 +102,12 @@ def test_from_two_dropped_files_to_a_saved_map_with_hints(page, dogs, tmp_path, 
     path = downloaded(tmp_path / "standing-walking.npz", page)
     found = read_match(path, source=dogs[0], target=dogs[1])
     assert (found.source_to_target == np.arange(600)).mean() > 0.5
+    # What a file is stands in one column with its name.
+    rects = "[...document.querySelectorAll('.files li')].map(e => e.getClientRects().length)"
+    for width in range(600, 1240, 80):
+        page.resize(width)
+        assert set(page.run(rects)) == {1}
+    page.resize()
     commands = page.run("[...document.querySelectorAll('code')].map(c => c.textContent)")
     assert any("--landmarks landmarks.csv" in one for one in commands)
     press(page, "Morph")
