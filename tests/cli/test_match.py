@@ -14,7 +14,7 @@ from sheets import make_egg, make_torus
 from stones import write_stones
 from testshapes.damage import keep
 from unbend import morph, read_mesh, write_mesh
-from unbend.cli import _output, app
+from unbend.cli import app
 from unbend.cli._output import warn_if_doubtful
 from unbend.cli.match import summary
 from unbend.correspondence import read_match, write_match
@@ -533,13 +533,14 @@ def test_symmetry_writes_the_mirror_partners(
     assert told["confidence"] > 0.5 > 0 > told["orientation"]
     partners = egg.vertices[read_map(out)]
     np.testing.assert_allclose(partners * [-1, 1, 1], egg.vertices, atol=1e-6)
-    monkeypatch.setattr(_output, "is_doubtful", lambda confidence: True)
+    monkeypatch.setattr("unbend.cli.match.is_doubtful", lambda confidence: True)
     before = sorted(tmp_path.iterdir())
     unsure = ["--min-confidence", 1, "--no-refine", "-o", tmp_path / "none.csv"]
     done = run("symmetry", tmp_path / "egg.ply", *unsure, "--report", tmp_path / "none.html")
     assert done.exit_code == 3
     assert sorted(tmp_path.iterdir()) == before
-    assert "look at it with unbend match --report" in done.stderr  # not with a page that is not
+    assert "look at it with unbend symmetry --report" in done.stderr  # not with a page that is not
+    assert "landmarks" not in done.stderr  # which symmetry does not take
 
 
 def test_morph_writes_the_shapes_between(folder: Path) -> None:

@@ -179,7 +179,10 @@ def symmetry(
     if map_out is not None:
         inputs.write_result(map_out, found, (shape, shape))
     inputs.show_match((shape, shape), found, figure, report, up=up)
-    output.warn_if_doubtful(found, seen=report is not None)
+    if is_doubtful(found.confidence):
+        trust = f"the symmetry is doubtful (confidence {found.confidence:.2f})"
+        look = "the page" if report else "unbend symmetry --report"
+        output.say("warning", f"{trust}: the shape may have none; look at it with {look}")
     matched, n = int((found.source_to_target >= 0).sum()), len(found.source_to_target)
     partners = f"{matched:,} of {n:,} vertices of {shape.name}, {seconds:.1f} s"
     way = output.fields_of(found, "confidence", "orientation")
