@@ -40,7 +40,11 @@ def test_the_page_says_which_distance_it_shows(mesh, tmp_path):
     page = tmp_path / "page.html"
     options = ["--from", "12", "--distance", "biharmonic", "--report", str(page)]
     assert runner.invoke(app, ["distance", mesh, *options]).exit_code == 0
-    assert "by biharmonic distance</option>" in page.read_text("utf-8")
+    html = page.read_text("utf-8")
+    assert "by biharmonic distance</option>" in html
+    assert " From vertex 12.</p>" in html
+    assert runner.invoke(app, ["distance", mesh, *options, "--from", "40"]).exit_code == 0
+    assert " From the nearest of the vertices 12, 40.</p>" in page.read_text("utf-8")
 
 
 def test_prints_the_farthest_vertex(mesh, blob):

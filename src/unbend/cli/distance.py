@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -81,7 +81,10 @@ def distance(
     if figure is not None:
         unbend.report.draw_values(shape, nearest, figure, label=f"{kind} distance", up=up)
     if report is not None:
-        unbend.report.view(shape, values=nearest, label=f"{kind} distance", path=report, up=up)
+        starts = "the nearest of the vertices" if len(sources) > 1 else "vertex"
+        note = f"From {starts} {', '.join(map(str, sources))}."
+        looks: Any = {"label": f"{kind} distance", "note": note, "up": up}
+        unbend.report.view(shape, values=nearest, path=report, **looks)
     farthest = first_largest(np.nan_to_num(field, nan=-1.0).T)
     lines = {"mesh": f"{shape.name}, {shape.n_vertices:,} vertices", "distance": kind}
     reached = []
