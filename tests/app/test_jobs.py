@@ -197,6 +197,7 @@ def test_forms_symmetries_and_pages_for_landmarks_are_made(shapes, tmp_path) -> 
     partner = read_map(file_of(symmetric, ".csv"))
     known = make_quadruped("standing", n_vertices=600).mirror
     assert (partner == known).mean() > 0.5
+    assert symmetric["facts"] == [["with a mirror partner", "600 of 600 vertices"]]
     for count in (1, 2):
         given = [placed(name, *[5] * count) for name in ("nose", "tail", "nose")]
         for i, names in ((2, ["nose", "tail"]), (3, ["1", "2", "3"])):  # two of one name

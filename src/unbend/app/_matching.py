@@ -128,16 +128,17 @@ def _matched(
         progress=work.progress,
     )
     title = " to ".join(work.names)
-    if target is source:
-        title = f"Left and right of {source.name}"
-    elif landmarks:
-        title += f", with {plural(len(landmarks), 'landmark')}"
     matched = int((found.source_to_target >= 0).sum())
+    matched_of = f"{matched:,} of {source.n_vertices:,} vertices"
     facts = {
-        "matched": f"{matched:,} of {source.n_vertices:,} vertices",
+        "matched": matched_of,
         "overlap": f"{found.overlap_source:.0%} of the first surface, "
         f"{found.overlap_target:.0%} of the second",
     }
+    if target is source:
+        title, facts = f"Left and right of {source.name}", {"with a mirror partner": matched_of}
+    elif landmarks:
+        title += f", with {plural(len(landmarks), 'landmark')}"
     return work.result(title, command, python, facts) | {
         "map_file": str(whole),
         "confidence": _in_words(found.confidence),
