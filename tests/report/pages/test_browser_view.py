@@ -177,9 +177,11 @@ def test_the_page_fits_a_telephone(page, screenshots) -> None:
     page.resize(390, mobile=True)
     page.click(*page.middle("#shape-0", 0.0, 0.1))
     wide = page.run("document.documentElement.scrollWidth")
+    tall = page.run("part('landmarks').querySelector('button').clientHeight")
     page.picture(save=screenshots / "view-narrow.png")
     page.resize()
     assert wide == 390
+    assert tall == page.run("part('landmarks').querySelector('button').clientHeight")
 
 
 def test_a_page_of_pictures_scrolls_under_a_finger(browser, dogs, tmp_path) -> None:
