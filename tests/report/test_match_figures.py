@@ -5,6 +5,7 @@ import pytest
 
 from unbend import Mesh, transfer
 from unbend.correspondence import evaluate
+from unbend.datasets import make_biped
 from unbend.errors import InputError, UnbendWarning
 from unbend.matching import Match
 from unbend.report import match_figures
@@ -45,6 +46,16 @@ def test_a_match_is_drawn_from_two_sides_and_turned_to_fit(blob: Mesh, drawn: li
     for left, right in ((above, above_target), (below, below_target)):
         pictures = [np.asarray(ax.get_images()[0].get_array()) for ax in (left, right)]
         assert np.abs(pictures[0] - pictures[1]).mean() < 0.02
+
+
+def test_a_symmetric_shape_is_drawn_twice_from_one_side(drawn: list) -> None:
+    # Closest to its mirror image among all rotated copies of a wide body is one turned about.
+    body = make_biped("standing", n_vertices=600)
+    wide = Mesh(body.mesh.vertices * [3, 1, 1], body.mesh.faces)
+    found = Match(body.mirror, body.mirror, np.eye(2), -1.0, 0.1, 0.9)
+    draw_match(wide, wide, found, "any.png")
+    pictures = [np.asarray(ax.get_images()[0].get_array()) for ax in drawn[0].get_axes()[:2]]
+    np.testing.assert_array_equal(*(one[..., 3] for one in pictures))  # where it is drawn
 
 
 def test_vertices_without_a_partner_are_grey(blob: Mesh, drawn: list) -> None:

@@ -62,6 +62,11 @@ def pattern_colors(vertices: npt.ArrayLike) -> FloatArray:
     return colors
 
 
+def is_symmetry(source: object, target: object, match: object) -> bool:
+    """Tell whether a match leads a shape to itself, turned inside out."""
+    return source is target and isinstance(match, Match) and match.orientation < 0
+
+
 def match_colors(
     source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike
 ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
@@ -115,7 +120,8 @@ def draw_match(
     """Write a picture of a match: corresponding points have the same colour.
 
     What has no partner is grey. Above, both shapes from the same side; below, from behind. The
-    target is turned as a whole to fit the source through the map. A limb in the wrong colour is
+    target is turned as a whole to fit the source through the map, unless they are one object and
+    its :func:`unbend.symmetry`. A limb in the wrong colour is
     a limb matched to another; broken stripes are places where the map slips.
 
     Parameters
@@ -140,11 +146,14 @@ def draw_match(
     >>> mesh = make_octopus(n_vertices=600).mesh
     >>> draw_match(mesh, mesh, range(600), "match.png")
     """
+    mirror = is_symmetry(source, target, match)
     source, target = drawable(source), drawable(target)
     colors = [one / 255 for one in match_colors(source, target, match)]
     turn = upright(up)
-    places = carry(source.vertices, match, "scalar", source, target)
-    rotation, _ = fit_rigidly(target.vertices, places, reflect=False)
+    rotation = np.eye(3)
+    if not mirror:
+        places = carry(source.vertices, match, "scalar", source, target)
+        rotation, _ = fit_rigidly(target.vertices, places, reflect=False)
     meshes = [
         Mesh(source.vertices @ turn.T, source.faces),
         Mesh(target.vertices @ rotation.T @ turn.T, target.faces),

@@ -20,6 +20,7 @@ from unbend.io import MeshLike, invert_map
 from unbend.matching import Match
 from unbend.mesh import Mesh, edge_ends, vertex_areas
 from unbend.report.figures import drawable, fit_rigidly
+from unbend.report.match_figures import is_symmetry
 from unbend.report.pages import _document as parts
 from unbend.report.pages import _match_words as words
 from unbend.report.pages._document import Page
@@ -102,7 +103,7 @@ def match_page(
     Page('octopus to octopus', 0.1 MB)
     """
     step = parts.begin_page(path, up, progress)
-    mirror = source is target and isinstance(match, Match) and match.orientation < 0
+    mirror = is_symmetry(source, target, match)
     source, target = drawable(source), drawable(target)
     if truth is not None and len(truth) not in (2, 3):
         raise InputError("truth must be 2 or 3 lists: source points, images and mirror images")
