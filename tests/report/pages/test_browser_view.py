@@ -260,7 +260,7 @@ def test_files_that_do_not_fit_change_nothing(page, tmp_path) -> None:
         page.choose_file("#load", tmp_path / "bad.csv")
         page.wait_for(f"{STATUS}.includes({told!r})")
         assert table(page) == before
-    nowhere = {"description": "vertex 5", "position": [0, 0, 0], "positionStatus": "missing"}
+    nowhere = {"description": "vertex 5", "position": None, "positionStatus": "missing"}
     for point, told in (
         ({"label": "nose", "position": [99, 0, 0]}, "point nose is far from a"),
         (nowhere, "no position"),

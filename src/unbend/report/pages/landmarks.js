@@ -10,8 +10,8 @@ const FLIPS = { LPS: 1, RAS: -1, 1: 1, 0: -1 };
 const coordinate = (text) => (text?.trim() ? +text : NaN);
 const READERS = {
   json: (text) => JSON.parse(text).markups.flatMap(({ coordinateSystem = "LPS", controlPoints }) => controlPoints.map(
-    ({ label = "", description = "", position: [x, y, z], positionStatus = "defined" }) => ({
-      name: label, description, axes: coordinateSystem, place: positionStatus === "defined" ? [x, y, z] : [],
+    ({ label = "", description = "", position, positionStatus = "defined" }) => ({
+      name: label, description, axes: coordinateSystem, place: positionStatus === "defined" ? position : [],
     }))),
   fcsv: (text) => {
     const axes = text.match(/^#.*CoordinateSystem *= *(\w+)/m)?.[1] || "RAS";
