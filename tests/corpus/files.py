@@ -133,7 +133,7 @@ def _off() -> Iterator[_Row]:
     yield "OFF, noise after the magic", ".off", b"OFF\n" + noise, "binary data"
     yield "OFF, UTF-16", ".off", text.encode("utf-16"), "UTF-16"
     yield "OFF, Latin-1 in the data", ".off", _changed("1 1 0", "1 é 0").encode("latin-1"), "vertex"
-    yield "OFF, compressed", ".off", b"\x1f\x8b\x08\x00" + noise, "binary data|not an OFF"
+    yield "OFF, compressed", ".off", b"\x1f\x8b\x08\x00" + noise, "compressed with gzip"
     yield "a suffix that is unknown", ".blend", text, 'unknown suffix ".blend"'
 
 
