@@ -1,5 +1,8 @@
 """Meshes of other programs, by their attributes; and of their files, where they are installed."""
 
+import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -182,7 +185,7 @@ def test_a_vtk_file_is_read_with_meshio(tmp_path: Path) -> None:
     ("suffix", "why"),
     [(".vtk", "Illegal VTK header"), (".vtu", "it is damaged, or no .vtu file")],
 )
-def test_what_meshio_says_before_it_exits_is_the_reason(
+def test_what_meshio_says_is_the_reason(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], suffix: str, why: str
 ) -> None:
     pytest.importorskip("meshio")
@@ -190,7 +193,27 @@ def test_what_meshio_says_before_it_exits_is_the_reason(
     with pytest.raises(FileError) as caught:
         read_mesh(tmp_path / f"a{suffix}")
     assert str(caught.value) == f"a{suffix}: meshio cannot read it: {why}"
-    assert not capsys.readouterr().out  # JSON may go there
+    assert capsys.readouterr() == ("", "")  # JSON may go there
+
+
+def test_threads_that_read_with_meshio_leave_standard_output_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    meshio = pytest.importorskip("meshio")
+    meshio.Mesh(QUAD, [("triangle", FACES)]).write(tmp_path / "a.vtu")
+    both, read = threading.Barrier(2), meshio.vtu.read
+    before, during = sys.stdout, []
+
+    def slowly(path):
+        both.wait()
+        during.append(sys.stdout)
+        return read(path)
+
+    monkeypatch.setattr(meshio.vtu, "read", slowly)
+    with ThreadPoolExecutor(2) as threads:
+        list(threads.map(read_mesh, [tmp_path / "a.vtu"] * 2))
+    assert during == [before, before]
+    assert sys.stdout is before
 
 
 @pytest.mark.parametrize(

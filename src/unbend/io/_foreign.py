@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from contextlib import redirect_stdout
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Protocol, TypeAlias
@@ -116,26 +115,36 @@ def read_foreign(path: Path, data: bytes) -> Contents:
     program = "trimesh" if suffix in _TRIMESH else "meshio" if suffix in _MESHIO else "nibabel"
     if find_spec(program) is None:
         raise MissingExtraError(program)
-    said = io.StringIO()
     try:
         if suffix in _TRIMESH:
             return _by_trimesh(suffix, data)
         if suffix in _NIBABEL:
             return _by_nibabel(path, data)
-        import meshio
-
-        with redirect_stdout(said):  # there it says what is wrong, and then exits
-            given = meshio.read(path)
-        mesh = mesh_of(given)
-        assert mesh is not None
-        values = {name: np.asarray(array) for name, array in given.point_data.items()}
-        return Contents(mesh.vertices, mesh.faces, ("read by meshio", *mesh.notes), lambda: values)
+        return _by_meshio(path)
     except InputError:
         raise
-    except (Exception, SystemExit) as error:  # their readers raise anything; meshio exits
-        reason = said.getvalue().strip() if isinstance(error, SystemExit) else str(error)
-        why = reason or f"it is damaged, or no {suffix} file"
+    except Exception as error:  # their readers raise anything
+        why = str(error) or f"it is damaged, or no {suffix} file"
         raise FileError(f"{program} cannot read it: {why}") from error
+
+
+def _by_meshio(path: Path) -> Contents:
+    """Read a file in the formats of its suffix; meshio's own ``read`` prints errors, and exits."""
+    import meshio
+
+    failures = []
+    for kind in meshio.extension_to_filetypes[path.suffix.lower()]:
+        try:
+            given = getattr(meshio, kind).read(path)
+            break
+        except meshio.ReadError as error:
+            failures.append(str(error))
+    else:
+        raise meshio.ReadError("; ".join(filter(None, failures)))
+    mesh = mesh_of(given)
+    assert mesh is not None
+    values = {name: np.asarray(array) for name, array in given.point_data.items()}
+    return Contents(mesh.vertices, mesh.faces, ("read by meshio", *mesh.notes), lambda: values)
 
 
 def _by_nibabel(path: Path, data: bytes) -> Contents:
