@@ -6,7 +6,9 @@ import pickle
 import pydoc
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +32,8 @@ from unbend.errors import (
     MissingExtraError,
     SolverError,
     UnbendWarning,
+    heard,
+    warn,
 )
 from unbend.io import (
     invert_map,
@@ -276,3 +280,26 @@ def test_a_warning_points_to_the_line_that_called_unbend() -> None:
     with pytest.warns(UnbendWarning) as also_told:
         unbend.canonical_form((two, faces), component="largest")
     assert {one.filename for one in [*told, *also_told]} == {__file__}
+
+
+def test_warnings_are_heard_in_their_own_thread() -> None:
+    """Also if the thread that began to listen first is the first to end."""
+    began, go_on = threading.Event(), threading.Event()
+
+    def listen() -> list[str]:
+        with heard() as said:
+            began.set()
+            go_on.wait()
+            warn("theirs")
+        return said
+
+    with ThreadPoolExecutor(1) as thread:
+        with heard() as said:
+            listening = thread.submit(listen)
+            began.wait()
+            warn("ours")
+        go_on.set()
+        assert listening.result() == ["theirs"]
+    assert said == ["ours"]
+    with pytest.warns(UnbendWarning, match="nobody's"):
+        warn("nobody's")

@@ -10,11 +10,13 @@ import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from unbend import _parallel
 from unbend._parallel import _quota, n_threads, one_blas_thread, run_all
+from unbend.errors import heard, warn
 
 
 def total(depth):
@@ -36,6 +38,19 @@ def test_tasks_may_have_tasks_of_their_own(threads):
 def test_as_many_threads_as_asked_for_work_at_once(threads):
     meeting = threading.Barrier(threads)
     assert len(set(run_all([meeting.wait] * threads))) == threads
+
+
+def test_tasks_have_the_settings_of_their_caller(threads):
+    """Such as NumPy's of what to do about rounding to zero, and who hears warnings."""
+    meeting = threading.Barrier(threads)
+
+    def task():
+        meeting.wait()
+        warn(np.geterr()["under"])
+
+    with np.errstate(under="raise"), heard() as said:
+        run_all([task] * threads)
+    assert set(said) == {"raise"}
 
 
 def test_an_error_is_passed_on(threads):

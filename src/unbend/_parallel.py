@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
+from contextvars import copy_context
 from pathlib import Path
 from typing import Any
 
@@ -101,7 +102,7 @@ def _start(work: Callable[[], None], most: int) -> list[Future[None]]:
                 pool.shutdown(wait=False)
             _pools.clear()
             _pools[count] = ThreadPoolExecutor(count, "unbend")
-        return [_pools[count].submit(work) for _ in range(min(count, most))]
+        return [_pools[count].submit(copy_context().run, work) for _ in range(min(count, most))]
 
 
 def _begin_anew() -> None:

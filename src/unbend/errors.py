@@ -20,6 +20,7 @@ import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 
 
 class UnbendError(Exception):
@@ -65,8 +66,16 @@ class UnbendWarning(UserWarning):
     """The result stands, but something was done to the input, or a check gave a figure to know."""
 
 
+_said: ContextVar[list[str] | None] = ContextVar("said", default=None)  # see `heard`
+
+
 def warn(message: str) -> None:
     """Issue an :class:`UnbendWarning` that points to the line that called unbend."""
+    said = _said.get()
+    if said is not None:
+        if message not in said:
+            said.append(message)
+        return
     frame, level = sys._getframe(), 1
     while frame.f_back and frame.f_globals.get("__name__", "").split(".")[0] in (
         "unbend",
@@ -86,18 +95,11 @@ def file_errors(task: str) -> Iterator[None]:
 
 
 @contextmanager
-def unheard() -> Iterator[None]:
-    """Drop the warnings of a block."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UnbendWarning)
-        yield
-
-
-@contextmanager
 def heard() -> Iterator[list[str]]:
-    """Collect the warnings of a block, each once, in a list that is filled at its end."""
+    """Collect what a block warns of, each once, in a list instead; other threads go on to warn."""
     said: list[str] = []
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UnbendWarning)
+    token = _said.set(said)
+    try:
         yield said
-    said += dict.fromkeys(str(one.message) for one in caught)
+    finally:
+        _said.reset(token)

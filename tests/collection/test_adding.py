@@ -1,6 +1,5 @@
 """What is kept of a shape."""
 
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,7 @@ from unbend.collection import _adding
 from unbend.collection._adding import make_row
 from unbend.collection._descriptor import FORM_POINTS, Basis, sample_form
 from unbend.datasets import make_sphere
-from unbend.errors import MeshError, UnbendWarning
+from unbend.errors import MeshError, warn
 from unbend.mesh import vertex_areas
 
 BALL = make_sphere(3)
@@ -61,7 +60,7 @@ def test_a_row_tells_what_a_file_holds(tmp_path: Path, monkeypatch: pytest.Monke
     for numbers in ([1.0, 2.0], [1.0, np.nan]):
 
         def describe(basis: Basis, numbers: list = numbers) -> np.ndarray:
-            warnings.warn("it is odd", UnbendWarning, stacklevel=1)
+            warn("it is odd")
             return np.array(numbers)
 
         monkeypatch.setattr(_adding, "describe", describe)

@@ -7,7 +7,7 @@ import numpy as np
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray, Progress
 from unbend.canonical._canonical_form import CanonicalForm
-from unbend.errors import InputError, unheard
+from unbend.errors import InputError, heard
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import Mesh, orient_consistently
 from unbend.spectral import make_surface
@@ -70,7 +70,7 @@ def lay_into_pose(
         raise InputError(f"a pose needs a form of 3 dimensions, not {form.points.shape[1]}")
     inside = np.asarray(np.isfinite(form.points).all(axis=1))
     part = Mesh(mesh.vertices, mesh.faces[inside[mesh.faces].all(axis=1)], name=mesh.name)
-    with unheard():  # the form has warned already
+    with heard():  # the form has warned already
         surface = make_surface(part, laplacian=form.laplacian)  # type: ignore[arg-type]
     unit, areas = np.sqrt(surface.area), surface.operator.areas
     vertices, faces = surface.mesh.vertices / unit, surface.mesh.faces

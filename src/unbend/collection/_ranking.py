@@ -13,7 +13,7 @@ from unbend.alignment import align
 from unbend.collection._files import find_file
 from unbend.collection._rows import Hit
 from unbend.collection._store import Store, among
-from unbend.errors import FileError, UnbendError, unheard, warn
+from unbend.errors import FileError, UnbendError, heard, warn
 from unbend.io import read_mesh
 from unbend.matching import match
 from unbend.mesh import Mesh
@@ -43,7 +43,7 @@ def rank_by_match(
             warn(f"{error}; until then it comes last")
             continue
         try:
-            with unheard():
+            with heard():
                 energies[-1] = match(query, read_mesh(path)).hypotheses[0].energy
         except UnbendError as error:
             reason = error

@@ -11,7 +11,7 @@ from unbend._types import BoolArray, FloatArray, Progress, StrPath
 from unbend.canonical import CanonicalForm, check_form
 from unbend.choices import Axis
 from unbend.distances import spectral_filter
-from unbend.errors import unheard
+from unbend.errors import heard
 from unbend.io import MeshLike
 from unbend.mesh import Mesh
 from unbend.report.figures import drawable
@@ -126,7 +126,7 @@ def form_page(
 def _embedding(mesh: Mesh, form: CanonicalForm, inside: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Eigenvalues at unit area, and eigenfunctions whose Euclidean distances are biharmonic."""
     part = Mesh(mesh.vertices, mesh.faces[inside[mesh.faces].all(axis=1)], name=mesh.name)
-    with unheard():  # canonical_form has warned already
+    with heard():  # canonical_form has warned already
         count = min(_N_EIGENPAIRS + 1, int(inside.sum()) // 2)
         found = spectrum(part, count, laplacian=form.laplacian)  # type: ignore[arg-type]
     values = found.eigenvalues * form.area

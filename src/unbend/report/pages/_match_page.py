@@ -15,7 +15,7 @@ from unbend._types import BoolArray, FloatArray, IntArray, Progress, StrPath
 from unbend.canonical import canonical_form
 from unbend.choices import Axis
 from unbend.correspondence import as_point_map, carry, evaluate, morph
-from unbend.errors import InputError, unheard
+from unbend.errors import InputError, heard
 from unbend.io import MeshLike, invert_map
 from unbend.matching import Match
 from unbend.mesh import Mesh, edge_ends, vertex_areas
@@ -188,7 +188,7 @@ def _maps(match: Match | npt.ArrayLike) -> dict[str, _Map]:
 
 
 def _form(mesh: Mesh) -> FloatArray:
-    with unheard():  # match has warned already
+    with heard():  # match has warned already
         return canonical_form(mesh, component="largest").points
 
 
