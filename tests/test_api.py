@@ -1,5 +1,6 @@
 """The public names, as ``unbend/__init__.py`` has them, and what their users get wrong."""
 
+import ast
 import copy
 import inspect
 import pickle
@@ -211,6 +212,13 @@ def test_a_wrong_argument_gets_a_sentence(
         call(tmp_path / "out.ply")
     assert sentence in str(caught.value)
     assert not list(tmp_path.iterdir())
+
+
+def test_type_checkers_see_no_module_that_takes_any_name() -> None:
+    """They accept every attribute of a module with a ``__getattr__``, misspelled ones too."""
+    for path in Path(unbend.__file__).parent.rglob("*.py"):
+        body = ast.parse(path.read_bytes()).body
+        assert "__getattr__" not in [getattr(one, "name", None) for one in body], path
 
 
 @pytest.mark.parametrize("dtype", ["u1", "u2", "u4", "u8", ">i4", "i8"])

@@ -73,12 +73,14 @@ _HOME = {name: folder for folder, names in _FOLDERS.items() for name in names.sp
 __all__ = sorted(_HOME)
 
 
-def __getattr__(name: str) -> Any:
-    if name in _HOME:
-        return getattr(importlib.import_module(f"unbend.{_HOME[name]}"), name)
-    if name in _FOLDERS:
-        return importlib.import_module(f"unbend.{name}")
-    raise AttributeError(f"module 'unbend' has no attribute {name!r}")
+if not TYPE_CHECKING:  # type checkers would take any name for one of these
+
+    def __getattr__(name: str) -> Any:
+        if name in _HOME:
+            return getattr(importlib.import_module(f"unbend.{_HOME[name]}"), name)
+        if name in _FOLDERS:
+            return importlib.import_module(f"unbend.{name}")
+        raise AttributeError(f"module 'unbend' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

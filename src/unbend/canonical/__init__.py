@@ -27,10 +27,12 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
-    """Import scikit-learn, which is slow, on first use of the estimator."""
-    if name == "SpectralMDS":
-        from unbend.canonical.estimator import SpectralMDS
+if not TYPE_CHECKING:  # type checkers would take any name for one of these
 
-        return SpectralMDS
-    raise AttributeError(f"module 'unbend.canonical' has no attribute {name!r}")
+    def __getattr__(name: str) -> Any:
+        """Import scikit-learn, which is slow, on first use of the estimator."""
+        if name == "SpectralMDS":
+            from unbend.canonical.estimator import SpectralMDS
+
+            return SpectralMDS
+        raise AttributeError(f"module 'unbend.canonical' has no attribute {name!r}")
