@@ -70,6 +70,29 @@ def test_an_error_drops_what_has_not_begun(monkeypatch):
     assert begun == [1]
 
 
+def test_a_thread_goes_on_when_the_main_one_has_ended():
+    """Python waits for it, but has ended the helpers and starts no more."""
+    code = """
+import threading
+from unbend._parallel import run_all
+
+def work():
+    threading.main_thread().join()
+    print(run_all([lambda: 1] * 9))
+
+run_all([lambda: 1] * 9)
+threading.Thread(target=work).start()
+"""
+    ended = subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | {"OMP_NUM_THREADS": "3"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert (ended.stdout, ended.stderr) == (f"{[1] * 9}\n", "")
+
+
 @pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="cannot fork")
 @pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork:DeprecationWarning")
 def test_a_forked_process_has_threads_of_its_own(threads):

@@ -94,7 +94,7 @@ def run_all(tasks: Iterable[Callable[[], Any]]) -> list[Any]:
 def _start(work: Callable[[], None], most: int) -> list[Future[None]]:
     """Call a function in up to so many helper threads, which stay and are shared by all calls."""
     count = n_threads() - 1
-    if min(count, most) < 1:
+    if min(count, most) < 1 or not threading.main_thread().is_alive():  # Python ends: none start
         return []
     with _lock:
         if count not in _pools:
