@@ -114,7 +114,7 @@ def rasterize(
 
 
 def thumbnail(mesh: Mesh, size: int, colors: Any = None) -> bytes:
-    """Draw a shape as a small square PNG; empty for a point cloud."""
+    """Draw a shape as a PNG of about `size` pixels on its longer side; empty for a point cloud."""
     if not mesh.n_faces:
         return b""
     picture, _ = rasterize(mesh.vertices, mesh.faces, colors, (size, size), "three-quarter")
