@@ -278,7 +278,7 @@ def test_a_point_cloud_has_no_thumbnail(tmp_path: Path, monkeypatch: pytest.Monk
         ("remove shapes nobody.ply", "nobody.ply is not in the collection shapes: give a path"),
         ("add stones stones", "the folder stones holds other things"),
         ("info shapes --thumbnail a.png", "--thumbnail is the picture of one shape"),
-        ("match shapes -o out", "give --pairs PAIRS.csv or --all, one of them"),
+        ("match shapes -o out", "give either --pairs PAIRS.csv or --all"),
         (
             "match shapes --pairs stones/stone00.ply -o out",
             'unknown suffix ".ply"; use .csv or .txt',

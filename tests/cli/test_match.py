@@ -185,7 +185,7 @@ def test_fewer_maps_than_asked_for_are_told(
     given = ["match", folder / "a.ply", folder / "b.ply", "-o", tmp_path / "map.csv"]
     done = right(*given, "--n-matches", 4)
     assert "note: 2 distinct maps found, not 4\n" in done.stderr
-    assert "a map 2.5% of the size away, on average\n" in done.stdout
+    assert "differs by 2.5% of the size on average\n" in done.stdout
     assert sorted(path.name for path in tmp_path.iterdir()) == ["map-2.csv", "map.csv"]
     assert "distinct" not in right(*given, "--n-matches", 2).stderr
 

@@ -24,4 +24,4 @@ def test_points_without_labels_are_landmarks_of_one_mesh(tmp_path: Path) -> None
     assert [one["at"] for one in json.loads(data)["landmarks"]] == [[3], [30]]
     done = CliRunner().invoke(app, [*given, "--landmarks", points])
     assert done.exit_code == 2
-    assert "--landmarks of one mesh is one file of points" in done.stderr
+    assert "--landmarks of one mesh takes one file of points" in done.stderr

@@ -36,7 +36,7 @@ def test_a_port_that_is_taken_is_told() -> None:
         port = taken.getsockname()[1]
         done = CliRunner().invoke(app, ["app", "--port", str(port)])
     assert done.exit_code == 2
-    assert f"port {port} of this machine cannot be had" in done.stderr
+    assert f"port {port} is in use, or not allowed" in done.stderr
 
 
 def test_without_the_extra_it_is_named(monkeypatch) -> None:

@@ -89,7 +89,7 @@ def test_rows_without_a_mirrored_image_count_for_the_direct_protocol() -> None:
     assert len(found.direct) == len(EVERY)
     for protocol in ("map-min", "vertex-min"):
         np.testing.assert_array_equal(found.errors(protocol), np.zeros((partly >= 0).sum()))
-    with pytest.raises(InputError, match="mirrored_target_points: no row counts"):
+    with pytest.raises(InputError, match="mirrored_target_points: no row has both"):
         evaluate(mirror, BALL, EVERY, EVERY, np.full_like(EVERY, -1))
 
 

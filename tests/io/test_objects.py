@@ -167,7 +167,7 @@ def test_a_gltf_names_no_file_that_is_opened(tmp_path: Path) -> None:
     (tmp_path / "a.gltf").write_text(
         '{"asset": {"version": "2.0"}, "buffers": [{"uri": "secret.bin", "byteLength": 36}]}'
     )
-    with pytest.raises(FileError, match=r"its data stand in other files: save it as \.glb"):
+    with pytest.raises(FileError, match=r"its data are in other files: save it as \.glb"):
         read_mesh(tmp_path / "a.gltf")
 
 

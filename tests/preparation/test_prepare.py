@@ -89,7 +89,7 @@ def test_a_component_that_is_too_small() -> None:
 
 @pytest.mark.parametrize("component", [2, -1])
 def test_a_component_that_does_not_exist(component: int) -> None:
-    with pytest.raises(InputError, match="numbered 0 to 1"):
+    with pytest.raises(InputError, match="the mesh has 2 components, numbered from 0"):
         prepare(TWO, component=component)
 
 
@@ -103,7 +103,7 @@ def test_choosing_the_only_component_changes_nothing() -> None:
     prepared = prepare(TETRAHEDRON, component="largest")
     assert prepared.mesh is TETRAHEDRON
     assert prepared.notes == ()
-    with pytest.raises(InputError, match="numbered 0 to 0"):
+    with pytest.raises(InputError, match="1 component, numbered from 0"):
         prepare(Mesh(VERTICES), component=1)
 
 

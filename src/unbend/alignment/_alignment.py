@@ -264,8 +264,8 @@ def align(
     fall = 1 - residuals[-1] / residuals[-2] if unsettled else 0.0
     if fall > tolerance:
         warn(
-            f"the alignment still gets closer, by {fall:.1e} of its residual in the last of "
-            f"{max_iterations} iterations; allow more with max_iterations"
+            f"the alignment has not converged: its residual still fell by {fall:.1e} of itself in "
+            f"the last of {max_iterations} iterations; allow more with max_iterations"
         )
     forward, backward, _ = _closest_points(left @ rotation.T + translation, right)
     return Alignment(

@@ -60,7 +60,7 @@ def _health(mesh: Mesh) -> tuple[bool, list[str]]:
             "Its faces point inward. They are turned. If left and right look exchanged, mirror it.",
         ),
         (turned, "Some faces point inward. They are turned; pictures may show spots."),
-        (found.boundary_edges, f"It is open, with {holes} or rims. That is fine."),
+        (found.boundary_edges, f"It is open, with {holes} or boundaries. That is fine."),
         (damaged, "Some faces are damaged. unbend works around them."),
         (loose, f"{plural(loose, 'vertex')} in no face: left out."),
         (found.duplicate_vertices and several, merge),

@@ -45,7 +45,7 @@ def serve(
     try:
         listener = socket.create_server(("127.0.0.1", port))
     except (OSError, OverflowError):
-        raise InputError(f"port {port} of this machine cannot be had; leave out --port") from None
+        raise InputError(f"port {port} is in use, or not allowed; leave out --port") from None
     with listener:
         port = listener.getsockname()[1]
         token = secrets.token_urlsafe(24)

@@ -66,7 +66,10 @@ def _with_common_options(function: Callable[..., None]) -> Callable[..., None]:
         pictures = [given[name] for name in ("figure", "report") if name in given]
         up = ctx.get_parameter_source("up")
         if pictures and not any(pictures) and up is not None and up.name == "COMMANDLINE":
-            raise InputError("--up is for pictures, and none is drawn; leave it out, or add one")
+            options = " or ".join(f"--{name}" for name in ("report", "figure") if name in given)
+            raise InputError(
+                f"--up is for pictures, and none is drawn; leave it out, or add {options}"
+            )
         ctx.call_on_close(end_progress)
         for name, fields in groups.items():
             given[name] = own[name].annotation(**{field: given.pop(field) for field in fields})

@@ -103,10 +103,10 @@ def warn_if_doubtful(match: unbend.Match, *, seen: bool = False) -> None:
         return
     reason = "the shapes may differ too much, or be symmetric"
     if match.landmark_hints:
-        reason = "another map is nearly as good, as of symmetric shapes or small parts"
+        reason = "another map is nearly as good, as for symmetric shapes or small parts"
     elif match.confidence_bound < 1:
         reason = "the final map is in disorder"
-    look = "the page" if seen else "unbend match --report"
+    look = "on the page" if seen else "with unbend match --report"
     where = where_landmarks_help(match.landmark_hints)
     whole = ""
     if min(match.overlap_source, match.overlap_target) < 1:
@@ -114,7 +114,7 @@ def warn_if_doubtful(match: unbend.Match, *, seen: bool = False) -> None:
     trust = f"the match is doubtful (confidence {match.confidence:.2f}): {reason}"
     say(
         "warning",
-        f"{trust}; look at it with {look}, and where it goes wrong place landmarks with unbend "
+        f"{trust}; look at it {look}, and where it is wrong place landmarks with unbend "
         f"view{where}, for --landmarks{whole}",
     )
 

@@ -121,8 +121,8 @@ def match(
     output.warn_if_doubtful(found, seen=report is not None)
     median, within_95 = found.expected_error_quantiles()
     others = [
-        f"or, at confidence {one.confidence:.2f}, a map {tried.difference:.1%} of the size away, "
-        "on average"
+        f"another map has confidence {one.confidence:.2f}, and differs by "
+        f"{tried.difference:.1%} of the size on average"
         for one, tried in zip(found.alternatives, found.hypotheses[1:], strict=False)
     ]
     output.tell(
@@ -159,8 +159,8 @@ def symmetry(
 ) -> None:
     """Find the left-right symmetry of a shape, in any pose: the mirror partner of each vertex.
 
-    The confidence is that of a match of the shape to its mirror image: it is high for a shape that
-    is only roughly symmetric, such as a bone, too.
+    The confidence is that of a match of the shape to its mirror image, so it is also high for a
+    roughly symmetric shape, such as a bone.
 
       refine: Refine the map on the full mesh.
       figure: Draw the shape twice, mirror partners in one colour (.png, .pdf, .svg).
@@ -181,8 +181,8 @@ def symmetry(
     inputs.show_match((shape, shape), found, figure, report, up=up)
     if is_doubtful(found.confidence):
         trust = f"the symmetry is doubtful (confidence {found.confidence:.2f})"
-        look = "the page" if report else "unbend symmetry --report"
-        output.say("warning", f"{trust}: the shape may have none; look at it with {look}")
+        look = "on the page" if report else "with unbend symmetry --report"
+        output.say("warning", f"{trust}: the shape may have none; look at it {look}")
     matched, n = int((found.source_to_target >= 0).sum()), len(found.source_to_target)
     partners = f"{matched:,} of {n:,} vertices of {shape.name}, {seconds:.1f} s"
     way = output.fields_of(found, "confidence", "orientation")

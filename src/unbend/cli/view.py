@@ -72,7 +72,7 @@ def _landmarks(paths: list[str], shapes: list[unbend.Mesh]) -> Any:
     if len(shapes) == 2:
         return landmarks_of(paths, shapes)
     if len(paths) > 1:
-        raise InputError("--landmarks of one mesh is one file of points")
+        raise InputError("--landmarks of one mesh takes one file of points; leave out the others")
     labels, vertices = unbend.io.read_markups(paths[0], shapes[0])
     if not any(labels):
         return vertices

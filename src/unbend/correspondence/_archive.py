@@ -210,7 +210,7 @@ def _numbers(arrays: _Arrays, name: str, n_dimensions: int) -> FloatArray:
         what = f"a table of {n_dimensions} dimensions" if n_dimensions else "a number"
         raise FileError(f"its {name} is {array.dtype} of shape {array.shape}, not {what}")
     if not np.isfinite(array).all():
-        raise FileError(f"its {name} holds what is not finite")
+        raise FileError(f"its {name} holds numbers that are not finite")
     return np.asarray(array, dtype=np.float64)
 
 

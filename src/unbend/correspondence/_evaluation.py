@@ -227,7 +227,7 @@ def _errors(
         )
     rows = np.flatnonzero((found >= 0) & (truth >= 0))
     if not len(rows):
-        raise InputError(f"{name}: no row counts, because none has an image and a true image")
+        raise InputError(f"{name}: no row has both an image and a true image to compare")
     unused = rows[~np.isin(truth[rows], target.faces)]
     if len(unused):
         raise InputError(

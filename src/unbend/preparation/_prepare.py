@@ -200,8 +200,8 @@ def _chosen(component: str | int | None, n_components: int, name: str) -> int | 
         raise InputError(f"component must be 'largest' or a whole number, not {component!r}")
     if not 0 <= component < n_components:
         raise InputError(
-            f"{name}: there is no component {component}; they are numbered 0 to "
-            f"{n_components - 1}, largest first"
+            f"{name}: there is no component {component}; the mesh has "
+            f"{plural(n_components, 'component')}, numbered from 0, largest first"
         )
     return int(component)
 

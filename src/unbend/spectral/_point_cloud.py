@@ -65,7 +65,8 @@ def delaunay_triangles(mesh: Mesh) -> Triangulation:
     weights = (shares * (found | unseen)[used]).sum(axis=1) / areas
     if np.bincount(faces.ravel(), minlength=len(points)).min() == 0:
         raise MeshError(
-            f"{mesh.name}: its points span no surface: round some of them they lie on one line"
+            f"{mesh.name}: its points span no surface: those around some of them lie on one line; "
+            "give points of a surface, or a mesh"
         )
     return Triangulation(distinct[faces], weights, first)
 

@@ -41,7 +41,7 @@ def match(
     $ unbend collection match leaves --all --partial none -o matches
     """
     if (pairs is None) == (not every):
-        raise InputError("give --pairs PAIRS.csv or --all, one of them")
+        raise InputError("give either --pairs PAIRS.csv or --all")
     collection = opened(store)
     chosen: Any = None if pairs is None else unbend.io.read_table(pairs, ("source", "target"))
     done = collection.match(

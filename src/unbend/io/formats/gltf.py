@@ -114,7 +114,7 @@ def readable(suffix: str, data: bytes) -> tuple[bytes, list[str]]:
     if suffix == ".gltf" and not all(
         one.get("uri", "").startswith("data:") for one in document.get("buffers", [])
     ):
-        raise FileError("its data stand in other files: save it as .glb")
+        raise FileError("its data are in other files: save it as .glb")
     _refuse(document)
     notes = _without_coordinates(document) + _without_bones(document, data[at + size + 8 :])
     if notes and suffix == ".gltf":
