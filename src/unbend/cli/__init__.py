@@ -128,7 +128,8 @@ def _global_options(
     memory_limit: Annotated[
         float | None,
         typer.Option(
-            metavar="GIB", help="Refuse work that needs more memory. By default, more than is free."
+            metavar="GIB",
+            help="Refuse work that needs more memory than this; by default, than is free.",
         ),
     ] = None,
 ) -> None:

@@ -105,8 +105,8 @@ HELP = {
     "report": "Write an interactive page of pictures, for a browser.",
     "csv": "Write the table to a file, too.",
     "up": "The axis that points upward in pictures; for two shapes, the source's.",
-    "component": "Which connected component to keep; numbers count from 0, largest first. Of two "
-    "shapes, it is chosen of those that have several.",
+    "component": "Which connected component to keep; numbers count from 0, largest first. For "
+    "two shapes, this applies to those that have several.",
     "laplacian": "auto: robust for degenerate faces or non-manifold edges.",
     "cache": "Keep eigenpairs on disk for later runs.",
     "map": "A map that unbend match wrote, best as .npz; without it the shapes are matched first.",

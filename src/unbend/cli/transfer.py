@@ -31,15 +31,15 @@ def transfer(
 
       values: A row per source vertex (.npy, .csv, .txt): numbers, labels, weights, colours; a mesh
           with such values (.ply, .obj ...); or landmarks (.mrk.json, .fcsv, .pp, or a table of
-          x,y,z if `out` is .mrk.json).
+          x,y,z if -o is .mrk.json).
       out: .npy, .csv or .txt: a row per target vertex; .ply, .vtp: the target with the values;
           .obj, .glb: the target with colours or texture coordinates. Numbers and labels are
           coloured, for Blender and MeshLab. Landmarks: .mrk.json.
       kind: auto: scalar for fractions, label for whole numbers and text; for several columns color
           from 0 to 255, uv for texture coordinates, else scalar.
       property_name: Which values of a mesh file: a property of its vertices, color or uv.
-      expected_error: Write too how far off each target vertex's source may be, in square roots of
-          the target's area (.npy, .csv, .txt, .ply, .vtp): `Match.expected_error`, carried.
+      expected_error: Also write the expected error of the map at each target vertex, in square
+          roots of the target's area (.npy, .csv, .txt, .ply, .vtp).
 
     $ unbend transfer dog.ply cat.ply --values weights.npy --kind weights -o cat_weights.npy
     $ unbend transfer dog.ply cat.ply --values parts.csv --map dog_cat.npz -o cat_parts.csv

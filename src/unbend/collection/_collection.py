@@ -110,11 +110,11 @@ class Collection:
         scheduler: str | None = None,
         progress: Progress | None = None,
     ) -> Added:
-        """Describe shapes and keep what describes them; the files themselves stay where they are.
+        """Describe shapes and store their descriptors; the files stay where they are.
 
-        A file whose content is there is skipped: an interrupted run resumes. A file that cannot be
-        used stops nothing. Identical files are one shape with several paths: new ones are added,
-        and those without a file dropped. So add a folder that was moved again from where it is now.
+        Files whose content is stored are skipped, so an interrupted run resumes. A file that cannot
+        be used does not stop the others. Identical files are one shape with several paths: new
+        paths are added, and those without a file dropped. After you move a folder, add it again.
 
         Parameters
         ----------
@@ -135,7 +135,7 @@ class Collection:
         Raises
         ------
         InputError
-            If the collection is of another version, or nobody answers at `scheduler`.
+            If the collection is of another version, or no scheduler answers.
         """
         self._store.check_version()
         processes = engine(workers=workers, scheduler=scheduler)

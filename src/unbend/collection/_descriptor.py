@@ -39,7 +39,7 @@ _LEAST_SIGNATURE, _LEAST_VARIANCE = 1e-6, 1e-3
 def descriptor(mesh: MeshLike) -> npt.NDArray[np.float32]:
     """Describe a shape whatever its pose, size and meshing.
 
-    All of the surface is described: pieces are joined, rims closed, dust is left out.
+    Pieces of the surface are joined, boundaries are closed, and tiny pieces are left out.
 
     Parameters
     ----------

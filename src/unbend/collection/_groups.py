@@ -13,7 +13,7 @@ _ROUNDING = 1e-9  # share of the largest distance by which a table may not be sy
 
 
 def find_groups(distances: FloatArray, n_groups: int | None = None) -> IntArray:
-    """Put what is near into one group: average linkage, cut where the groups stand out most.
+    """Group shapes by average linkage, cut where the groups are most distinct.
 
     Parameters
     ----------

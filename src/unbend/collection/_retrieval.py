@@ -25,7 +25,7 @@ _RECALL_LEVELS = np.arange(1, 21) / 20  # shares of a class found at which preci
 class Retrieval(Brief):
     """How well shapes of a class are found, as means over all queries; fractions, 1 is best.
 
-    Of a query, R other shapes are of its class.
+    R is the number of other shapes of a query's class.
 
     Attributes
     ----------

@@ -62,7 +62,7 @@ class Hit:
 
 @dataclass(frozen=True)
 class Failure:
-    """What something could not be done with.
+    """A shape, or a pair of shapes, that failed, and why.
 
     Attributes
     ----------
@@ -84,7 +84,7 @@ class Failure:
 
 @dataclass(frozen=True, repr=False)
 class Added(Brief):
-    """What adding shapes came to.
+    """Result of adding shapes.
 
     Attributes
     ----------
@@ -105,7 +105,7 @@ class Added(Brief):
 
 @dataclass(frozen=True, repr=False)
 class Matched(Brief):
-    """What matching pairs of shapes came to.
+    """Result of matching pairs of shapes.
 
     Attributes
     ----------
@@ -160,7 +160,7 @@ class RegisteredShape:
 
 @dataclass(frozen=True, repr=False)
 class Registered(Brief):
-    """What registering a template to shapes came to.
+    """Result of registering a template to shapes.
 
     Attributes
     ----------
@@ -180,7 +180,7 @@ class Registered(Brief):
 
 @dataclass(frozen=True)
 class Info:
-    """What a collection is.
+    """Size of a collection, and how its shapes are described.
 
     Attributes
     ----------

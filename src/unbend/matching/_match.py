@@ -64,37 +64,37 @@ def match(
 ) -> Match:
     """Match two deformable shapes, without landmarks or training.
 
-    Many hypotheses, from alignments of spectral canonical forms in growing dimension and, where
-    the bodies differ, from extremities, are registered on coarse copies of the shapes; among
-    those that keep the surface right side out, the one whose patches, turned and scaled, explain
-    the most of the other shape is taken, and polished on the shapes themselves.
+    Hypotheses come from alignments of spectral canonical forms, from pairings of extremities and,
+    for partial shapes, from rigid motions. They are registered on coarse copies of the shapes. Maps
+    that turn the surface inside out are dropped. The map wins whose patches, rotated and scaled,
+    explain most of the other shape; it is refined on the shapes themselves.
 
     Parameters
     ----------
     source, target : mesh-like
-        Anything :func:`unbend.as_mesh` accepts, with two sides, open or closed; faces wound
-        unlike their neighbours are turned, and so are all if they are oriented inward. A surface
-        is reconstructed for a point cloud, and outliers get no partner, -1. The vertex counts,
-        units, and positions in space may differ. Of several components the largest is matched; the
-        vertices of the others take the partner of the nearest vertex of the largest.
+        Anything :func:`unbend.as_mesh` accepts, open or closed, but not with one side only.
+        Faces are oriented consistently and outward. A surface is reconstructed for a point cloud,
+        and outliers get no partner, -1. The vertex counts, units, and positions in space may
+        differ. Of several components the largest is matched; the vertices of the others take the
+        partner of the nearest vertex of the largest.
     partial : {"auto", "none", "source", "target", "both"}, default="auto"
-        Which shape may lack what the other one has: that gets no partner, -1. It lies beyond a
-        boundary, where a shape was torn, cut off or seen from one side; or it is a part of 8 to
-        50 % of the area that is unlike everything on the other shape, closed or not.
-        ``"auto"`` is ``"both"``, but less than 3 % of the area is not left without partner
-        beyond a boundary: small holes are no parts. With ``"none"`` everything has a partner.
+        Which shape may lack what the other one has. That gets no partner, -1: what lies beyond a
+        boundary, where a shape was torn, cut off or seen from one side; and, on closed shapes too,
+        a part of 8 to 50 % of the area that is unlike everything on the other shape.
+        ``"auto"`` is ``"both"``, but regions beyond a boundary of less than 3 % of the area are
+        ignored. With ``"none"`` every vertex has a partner.
     landmarks : (l, 2) array_like of int, or mapping of str to such pairs, optional
         Pairs of a source and a target vertex that correspond, perhaps with labels. One to three
-        settle what is ambiguous. The map leads them to each other, to about an edge, except for
-        those that contradict what fits best: `missed_landmarks` names them.
+        resolve ambiguities. The map takes each to its partner, within about an edge, except for
+        those that contradict the best-fitting map: `missed_landmarks` lists them.
     n_matches : int, default=1
         How many maps to give at most: the best as the result, the others as its
         `alternatives`.
     n_eigenpairs : int, default=30
         Eigenpairs of each shape, the constant included; fewer for meshes of few vertices.
     refine : bool, default=True
-        Whether to deform the full meshes too; else their coarse copies alone are, and the map is a
-        little rough.
+        Whether to register the full meshes too. With False, only coarse copies are registered, and
+        the map is less accurate.
     allow_mirror : bool, default=False
         Whether a map may turn the surface inside out when that explains more, as from a left hand
         to a right one. Without it, no map does, and a warning says if it would fit far better.
@@ -251,7 +251,7 @@ def symmetry(
     -------
     Match
         From the mesh to itself, reversing orientation. Its `confidence` is that of a match of the
-        shape to its mirror image: high for one that is only roughly symmetric, such as a bone, too.
+        shape to its mirror image, so it is also high for a roughly symmetric shape, such as a bone.
 
     Raises
     ------
