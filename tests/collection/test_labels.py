@@ -48,7 +48,10 @@ def test_a_path_that_fits_here_and_beside_the_table_is_refused(table, tmp_path, 
         ("path,label\n9.off,cat\n", "line 2: 9.off is no shape"),
         ("path,label\n0.off,cat\n", "line 2: 0.off is several shapes"),
         ("path,label\n1.off,\n", "line 2 has no label"),
-        ("path,label\n1.off,cat\n1.off,dog\n", "line 3 calls .*1.off a dog, an earlier one a cat"),
+        (
+            "path,label\n1.off,cat\n1.off,dog\n",
+            "line 3 labels .*1.off dog, but an earlier line labels it cat",
+        ),
     ],
 )
 def test_a_line_that_does_not_fit_is_named(table, text, message):

@@ -95,7 +95,7 @@ def read_truth(paths: Sequence[str | None], n_source: int, n_target: int) -> lis
         if len(found[-1]) != len(sources):
             raise InputError(
                 f"{path} holds {plural(len(found[-1]), 'row')}, but {first} {len(sources):,}; "
-                "each row of the one is the image of that row of the other"
+                "each row of one is the image of the same row of the other"
             )
     return found
 

@@ -222,7 +222,8 @@ def read_labels(table: StrPath, shapes: Sequence[Sequence[str]]) -> list[str | N
         i, path = found[0]
         if labels[i].setdefault(path, label) != label:
             raise FileError(
-                f"{table}: line {line} calls {path} a {label}, an earlier one a {labels[i][path]}"
+                f"{table}: line {line} labels {path} {label}, but an earlier line labels it "
+                f"{labels[i][path]}; keep one of them"
             )
     for one in labels:
         names: dict[str, str] = {}  # the first path of each label
