@@ -221,7 +221,7 @@ def _labels() -> Iterator[_Row]:
         "labels, two for one shape",
         ".csv",
         "path,label\nstone0.off,a\nstone0.off,b\n",
-        "line 3 calls",
+        "line 3 labels",
     )
     yield "labels, Latin-1", ".csv", "path,label\nstone0.off,é\n".encode("latin-1"), "bad.csv"
     yield "labels, noise", ".csv", bytes(range(256)), "bad.csv"

@@ -41,7 +41,7 @@ def test_supernodes_hold_the_factor(n, degree, seed):
 @pytest.mark.parametrize("size", [24, 25, 64, 65, 130])
 def test_what_cannot_be_cut_is_a_row_of_supernodes(size):
     """Eight cliques make eight subtrees, each of as many supernodes of one width as it takes."""
-    nodes = checked(sp.csr_array(sp.block_diag([np.ones((size, size))] * 8)))
+    nodes = checked(sp.csr_array(sp.block_diag([sp.coo_array(np.ones((size, size)))] * 8)))
     count = -(-size // 64)
     for first, last in nodes.parts[:-1]:
         widths = np.diff(nodes.starts)[first:last]

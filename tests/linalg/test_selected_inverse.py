@@ -61,7 +61,7 @@ def test_diagonals_of_a_graph_in_pieces():
     """Some separators are empty then."""
     rng = np.random.default_rng(0)
     sizes = [1, 1, 2, 3, 30, 70, 1, 5]
-    blocks = [np.ones((size, size)) + size * np.eye(size) for size in sizes]
+    blocks = [sp.coo_array(np.ones((size, size)) + size * np.eye(size)) for size in sizes]
     shuffle = rng.permutation(sum(sizes))
     matrix = sp.block_diag(blocks).tocsr()[shuffle][:, shuffle]
     check(matrix, rng.random(sum(sizes)), 1e-13)
