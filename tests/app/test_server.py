@@ -4,6 +4,7 @@ import json
 import queue
 import tempfile
 import threading
+import time
 from pathlib import Path
 from urllib.parse import quote
 
@@ -303,6 +304,37 @@ def test_jobs_wait_in_a_queue_and_are_cancelled(app, ply) -> None:
     app.send("DELETE", "jobs/99999")
     assert len(app.wait(lambda s: not s["jobs"])["shapes"]) == 1
     app.send("DELETE", f"shapes/{i}")
+
+
+def test_cancelling_leaves_a_shape_that_is_only_drawn_again(tmp_path, monkeypatch) -> None:
+    class Worker:
+        def __init__(self, memory: int) -> None:
+            self.cancelled = threading.Event()
+
+        def run(self, job, progress):
+            if job["up"] == "y":
+                return {"usable": True, "told": []}
+            self.cancelled.wait(60)
+            return {}
+
+        def cancel(self) -> None:
+            self.cancelled.set()
+
+        close = cancel
+
+    monkeypatch.setattr(_session, "Worker", Worker)
+    session = _session.Session(0, 0, None)
+    try:
+        session.add(tmp_path, "seen.ply")
+        while session.state(-1)["jobs"]:
+            time.sleep(0.001)
+        session.turn("z")
+        session.add(tmp_path, "new.ply")
+        for job in session.state(-1)["jobs"][::-1]:
+            session.remove("jobs", job["id"])
+        assert [one["state"] for one in session.state(-1)["shapes"]] == ["good", "bad"]
+    finally:
+        session.close()
 
 
 def test_a_full_queue_refuses_work_and_takes_shapes(app, ply, monkeypatch) -> None:

@@ -184,8 +184,9 @@ class Session:
     def _cancel(self, i: int) -> None:
         if (entry := self._jobs.pop(i, None)) is None:
             return
-        if entry["job"]["do"] == "look":
-            self._failed(i, entry, "cancelled")
+        shapes = [self._shapes.get(one, {}) for one in entry["job"]["shapes"]]
+        if entry["job"]["do"] == "look" and shapes[0].get("state") == "reading":
+            self._failed(i, entry, "cancelled")  # others are only drawn again
         if entry["running"]:
             self._worker.cancel()
 
