@@ -40,11 +40,14 @@ def test_what_a_killed_run_left_is_removed_at_the_next_start(app, temporary: Pat
 def test_closing_the_last_page_ends_the_app_and_what_it_computes(app, tmp_path, monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     monkeypatch.setattr(_server, "_CLOSED_SECONDS", 0.0)
-    begun, go_on, address = threading.Event(), threading.Event(), queue.Queue()
+    begun, go_on, address = queue.Queue(), threading.Event(), queue.Queue()
+    (tmp_path / "7f3c").touch()
+    link = tmp_path / "scan.ply"
+    link.symlink_to(tmp_path / "7f3c")  # as of files that are kept by their hashes
 
     class Endless(_session.Worker):
         def run(self, job, progress):
-            begun.set()
+            begun.put(job["shapes"])
             assert go_on.wait(60)
             return {}
 
@@ -55,12 +58,11 @@ def test_closing_the_last_page_ends_the_app_and_what_it_computes(app, tmp_path, 
     monkeypatch.setattr(_session, "Worker", Endless)
     monkeypatch.setattr(_server, "Session", _session.Session)
     given = {"ready": address.put}
-    thread = threading.Thread(target=serve, args=([],), kwargs=given, daemon=True)
+    thread = threading.Thread(target=serve, args=([str(link)],), kwargs=given, daemon=True)
     thread.start()
     other = type(app)(address.get(timeout=60), None)
     other.get("state?tab=one")
-    other.send("POST", "jobs", {"do": "sample"})
-    assert begun.wait(60)
+    assert begun.get(timeout=60) == [(str(link), "scan.ply")]
     other.send("POST", "bye?tab=one")
     thread.join(60)
     assert not thread.is_alive()

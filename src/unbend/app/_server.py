@@ -53,7 +53,7 @@ def serve(
         session = Session(port, int(_SHARE_OF_MEMORY * (available_memory() or 2**34)), collection)
         try:
             for path in paths:
-                session.add(Path(path).resolve(), Path(path).name)
+                session.add(Path(path).absolute(), Path(path).name)
             tabs: dict[str, float] = {}
 
             @contextlib.asynccontextmanager
