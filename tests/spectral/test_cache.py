@@ -16,6 +16,7 @@ from unbend import (
     spectrum,
 )
 from unbend.datasets import make_sphere
+from unbend.errors import InputError
 from unbend.spectral import _cache as cache
 from unbend.spectral import _spectrum as spectra
 from unbend.spectral import cache_info, clear_cache, eigenpairs, make_surface, use_cache
@@ -188,9 +189,12 @@ def test_grows_to_its_bound_and_drops_the_least_recently_used(folder, monkeypatc
 
 def test_its_bound_can_be_set(monkeypatch):
     most = cache_info().most_bytes
-    for text, bound in (("0.5", 2**29), ("much", most), ("inf", most)):
+    for text, bound in (("0.5", 2**29), ("-1", 0), ("much", most), ("inf", most)):
         monkeypatch.setenv("UNBEND_CACHE_GIB", text)
         assert cache_info().most_bytes == bound
+    for gib in (-1, np.inf):
+        with pytest.raises(InputError, match="gib must be a number"), use_cache(gib=gib):
+            pass
 
 
 def test_a_spectrum_too_large_for_the_cache_is_left_out(monkeypatch):

@@ -71,7 +71,7 @@ def use_cache(
     >>> with use_cache(gib=0):  # nothing is read from disk, and nothing is kept
     ...     found = spectrum(make_sphere(2), 5)
     """
-    if gib is not None and not (is_number(gib) and gib >= 0):
+    if gib is not None and not (is_number(gib) and 0 <= gib < np.inf):
         raise InputError(f"gib must be a number of GiB, 0 or more, not {gib!r}")
     given = {"UNBEND_CACHE_DIR": folder, "UNBEND_CACHE_GIB": gib}
     settings = {name: str(value) for name, value in given.items() if value is not None}
@@ -87,7 +87,7 @@ def use_cache(
 
 def _most_bytes() -> int:
     try:
-        return int(float(os.environ["UNBEND_CACHE_GIB"]) * 2**30)
+        return max(int(float(os.environ["UNBEND_CACHE_GIB"]) * 2**30), 0)
     except (KeyError, ValueError, OverflowError):
         return _MOST_BYTES
 
