@@ -134,7 +134,7 @@ def test_many_scans_are_fitted_into_a_folder_and_a_bad_one_is_listed(folder: Pat
         ("points.xyz scan.ply --save-match own.npz -o out.ply", "this is a point cloud"),
         ("scan.ply template.ply --map map.npy -o out.ply", "map.npy"),
         ("template.ply scan.ply scan.ply -o out.ply", "2 meshes need a folder to write to"),
-        ("template.ply scan.ply scan.ply --map map.npy -o out", "--map is for a single mesh"),
+        ("template.ply scan.ply scan.ply --map map.npy -o out", "no folder; leave it out\n"),
     ],
 )
 def test_mistakes_get_one_sentence_and_write_nothing(

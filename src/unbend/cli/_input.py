@@ -78,7 +78,7 @@ def is_batch(
     for name, value in of_one.items():
         if value not in (None, "auto"):
             option = f"--{name.replace('_', '-')}"
-            raise InputError(f"{option} is for a single mesh; leave it out, or -o FOLDER")
+            raise InputError(f"{option} is for one mesh and no folder; leave it out")
     return True
 
 
