@@ -339,6 +339,32 @@ def test_cancelling_leaves_a_shape_that_is_only_drawn_again(tmp_path, monkeypatc
         session.close()
 
 
+def test_of_two_files_of_one_name_the_bad_one_is_named(tmp_path, monkeypatch) -> None:
+    class Worker:
+        def __init__(self, memory: int) -> None: ...
+
+        def run(self, job, progress):
+            (_, first), *others = job["shapes"]
+            error = {"error": f"{first}: the surface has only one side"}
+            return error if others else {"usable": True, "told": []}
+
+        def close(self) -> None: ...
+
+    monkeypatch.setattr(_session, "Worker", Worker)
+    session = _session.Session(0, 0, None)
+    try:
+        pair = [session.add(tmp_path / folder / "dog.ply", "dog.ply") for folder in "ab"]
+        while session.state(-1)["jobs"]:
+            time.sleep(0.001)
+        session.submit({"do": "match", "shapes": pair})
+        while session.state(-1)["jobs"]:
+            time.sleep(0.001)
+        (trouble,) = session.state(-1)["troubles"]
+        assert trouble["text"].endswith("dog (2).ply: dog.ply: the surface has only one side")
+    finally:
+        session.close()
+
+
 def test_a_full_queue_refuses_work_and_takes_shapes(app, ply, monkeypatch) -> None:
     monkeypatch.setattr(_session, "_MOST_JOBS", 0)
     status, _, text = app.ask("POST", "jobs", {"do": "sample"})

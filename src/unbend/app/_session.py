@@ -244,7 +244,9 @@ class Session:
         shapes = [self._shapes[one] for one in job["shapes"] if one in self._shapes]
         files = [(one["path"], one["name"]) for one in shapes]
         for path, name in [*files, *([job["values"]] if job.get("values") else [])]:
-            error = error.replace(path, name).replace(Path(path).name, name)
+            error = error.replace(path, name)
+            if self.folder in Path(path).parents:  # a name of ours, which no user knows
+                error = error.replace(Path(path).name, name)
         if job["do"] == "look":
             for shape in shapes:
                 shape |= {"state": "bad", "told": [error]}
