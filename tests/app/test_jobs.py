@@ -129,6 +129,7 @@ def test_texture_coordinates_are_carried_as_such(shapes, matched, tmp_path) -> N
     want = read_values(file_of(found, ".npy"))
     np.testing.assert_allclose(read_values(file_of(found, ".glb"), name="uv"), want, atol=1e-6)
     assert "as uv" in found["facts"][0][1]
+    assert "transfer(values, found, kind='uv'" in found["python"]
 
 
 def test_a_label_has_one_colour_on_both_shapes(shapes, matched, tmp_path, monkeypatch) -> None:

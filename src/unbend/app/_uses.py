@@ -146,7 +146,7 @@ def transfer(work: Work, values: Sequence[str] | None = None, column: str | None
     python = work.python(
         "io, read_match, read_mesh, transfer",
         f"values = io.read_values({name!r}{named})",
-        "carried = transfer(values, found, source=source, target=target)",
+        f"carried = transfer(values, found, kind={kind!r}, source=source, target=target)",
     )
     return work.result(f"{name} on {target.name}", command, python, facts)
 
