@@ -54,7 +54,8 @@ def use_cache(
     """Keep spectra elsewhere, or not at all, within a ``with`` block.
 
     Sets the environment variables ``UNBEND_CACHE_DIR`` and ``UNBEND_CACHE_GIB`` for this process
-    and those that it starts meanwhile.
+    and those that it starts meanwhile. All threads share them: use it around what starts threads,
+    not in several threads at once.
 
     Parameters
     ----------
