@@ -8,7 +8,7 @@ import pytest
 from unbend import Mesh
 from unbend.correspondence import THRESHOLDS, _evaluation, evaluate
 from unbend.datasets import make_sphere
-from unbend.errors import InputError, MeshError
+from unbend.errors import InputError, MeshError, UnbendWarning
 
 BALL = make_sphere(3)
 EVERY = np.arange(BALL.n_vertices)
@@ -106,7 +106,8 @@ def test_repeated_faces_are_no_more_surface() -> None:
 def test_an_image_that_no_face_uses_is_infinitely_far() -> None:
     target = Mesh(np.append(BALL.vertices, [[np.nan] * 3], axis=0), BALL.faces)
     images = np.where(EVERY == 5, len(EVERY), EVERY)
-    assert evaluate(images, target, EVERY, EVERY).direct[5] == np.inf
+    with pytest.warns(UnbendWarning, match="no path joins 1 of 642 images to the truth"):
+        assert evaluate(images, target, EVERY, EVERY).direct[5] == np.inf
 
 
 def test_coverage_of_a_constant_map() -> None:
@@ -155,7 +156,8 @@ def test_what_no_path_leads_to_is_infinitely_far(distance: str) -> None:
     target, n = _two_balls_and_a_stray(), BALL.n_vertices
     images = np.array([0, n + 1, 2 * n, n + 3])
     truth = np.array([0, 1, 2, n + 4])
-    found = evaluate(images, target, np.arange(4), truth, distance=distance)
+    with pytest.warns(UnbendWarning, match="no path joins 2 of 4 images to the truth"):
+        found = evaluate(images, target, np.arange(4), truth, distance=distance)
     np.testing.assert_array_equal(np.isinf(found.direct), [False, True, True, False])
     assert found.direct[0] == 0
     # The second ball is measured as if it stood alone, in units of both areas.

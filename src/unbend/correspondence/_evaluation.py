@@ -9,12 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._display import Brief, table
+from unbend._text import plural
 from unbend._types import BoolArray, FloatArray, IntArray, Progress
 from unbend.choices import GeodesicKind
 from unbend.correspondence._archive import mesh_hashes
 from unbend.correspondence._transfer import as_point_map
 from unbend.distances import GEODESIC, geodesic_solver
-from unbend.errors import InputError, MeshError
+from unbend.errors import InputError, MeshError, warn
 from unbend.io import MeshLike, as_mesh, checked_map
 from unbend.matching import Match
 from unbend.mesh import Mesh, vertex_areas, vertex_ids
@@ -193,6 +194,12 @@ def evaluate(
     images = as_point_map(match, target=target)
     found = images[vertex_ids(source_points, len(images), "source_points")]
     direct, true = _errors(target, target_points, found, "target_points", distance, progress)
+    if apart := np.count_nonzero(np.isinf(direct)):
+        warn(
+            f"{target.name}: no path joins {apart:,} of {plural(len(direct), 'image')} to the "
+            "truth, as between components: their errors and the mean are infinite; give -1 in the "
+            "ground truth for rows that do not count"
+        )
     given = found >= 0
     map_min = vertex_min = None
     if mirrored_target_points is not None:
