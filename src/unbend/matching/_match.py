@@ -149,11 +149,10 @@ def match(
     check_whole(n_matches, "n_matches", 1)
     check_whole(n_eigenpairs, "n_eigenpairs", _LEAST_EIGENPAIRS)
     torn = [partial in ("auto", "both", side) for side in ("source", "target")]
-    if progress is not None:
-        progress("spectrum", 0.0)
+    tell = progress or (lambda stage, share: None)
+    tell("spectrum", 0.0)
     ours, theirs = prepare_shapes((source, target), n_eigenpairs, torn)
-    if progress is not None:
-        progress("search", 0.0)
+    tell("search", 0.0)
     labels: list[str] = []
     if isinstance(landmarks, Mapping):
         labels, landmarks = list(landmarks), list(landmarks.values())
@@ -168,8 +167,7 @@ def match(
     turned = candidates(sides.reflected(), progress) if mirrored or allow_mirror else []
     if allow_mirror:
         found = ranked([*found, *turned])
-    if progress is not None:
-        progress("refine", 0.0)
+    tell("refine", 0.0)
     (found, fine), other_hand = run_all(
         [
             functools.partial(reranked, sides, found, polish=refine),
@@ -203,8 +201,7 @@ def match(
         if barycentric and theirs.own_faces is not None:
             result = _below_vertices(result, ours, theirs, chosen)
         results.append(result)
-        if progress is not None:
-            progress("refine", (i + 1) / min(n_matches, len(found)))
+        tell("refine", (i + 1) / min(n_matches, len(found)))
     result = replace(results[0], alternatives=tuple(results[1:]))
     if mirrored:
         turned, fine = reranked(sides, turned, polish=refine)
@@ -271,18 +268,15 @@ def symmetry(
     True
     """
     check_whole(n_eigenpairs, "n_eigenpairs", _LEAST_EIGENPAIRS)
-    if progress is not None:
-        progress("spectrum", 0.0)
+    tell = progress or (lambda stage, share: None)
+    tell("spectrum", 0.0)
     one = prepare_shape(mesh, n_eigenpairs)
-    if progress is not None:
-        progress("search", 0.0)
+    tell("search", 0.0)
     sides = make_sides(one.shape, one.shape).reflected()
     found = candidates(sides, progress)
-    if progress is not None:
-        progress("refine", 0.0)
+    tell("refine", 0.0)
     found, fine = reranked(sides, found, polish=refine)
-    if progress is not None:
-        progress("refine", 1.0)
+    tell("refine", 1.0)
     shares, apart = _lead_shares(found, sides), differences(sides, found)
     return _result(one, one, sides, exact(sides, fine[found[0]]), found, shares, apart)
 
