@@ -19,12 +19,12 @@ from unbend._text import plural, quoted
 from unbend._types import StrPath
 from unbend.collection._rows import Entry, Failure, Hit
 from unbend.errors import FileError, UnbendError, file_errors, warn
-from unbend.io import READ_SUFFIXES, read_mesh
+from unbend.io import FREESURFER_VALUES, READ_SUFFIXES, read_mesh
 from unbend.mesh import Mesh
 
 # Of files that folders are searched for; others are added by name or pattern only.
 _SUFFIXES = (".off", ".obj", ".ply", ".stl", ".vtk")
-_VALUES = (".npy", ".thickness", ".curv", ".sulc", ".annot")  # rather than shapes
+_VALUES = (".npy", *FREESURFER_VALUES)  # rather than shapes
 _OTHERS = tuple(one for one in READ_SUFFIXES if one not in (*_SUFFIXES, *_VALUES))
 _FILES_AT_ONCE = 256
 ID_DIGITS = 12  # of ids, in names of files: hardly two of a million shapes share them

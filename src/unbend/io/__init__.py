@@ -9,7 +9,7 @@ from unbend.io._files import (
     read_table,
     write_table,
 )
-from unbend.io._foreign import MeshLike
+from unbend.io._foreign import FREESURFER_VALUES, MeshLike
 from unbend.io._maps import (
     MAP_SUFFIXES,
     checked_map,
@@ -39,6 +39,7 @@ from unbend.io._writing import (
 
 __all__ = [
     "COLOR_SUFFIXES",
+    "FREESURFER_VALUES",
     "MAP_SUFFIXES",
     "MARKUP_SUFFIXES",
     "READ_SUFFIXES",
