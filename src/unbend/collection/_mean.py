@@ -17,12 +17,11 @@ from unbend.alignment import procrustes
 from unbend.collection._files import make_folder
 from unbend.collection._rows import Failure
 from unbend.collection._statistics import Statistics, shape_statistics
-from unbend.correspondence import Registration
-from unbend.errors import InputError, MissingExtraError, warn
+from unbend.correspondence import Registration, warn_of_units
+from unbend.errors import InputError, MissingExtraError
 from unbend.io import MeshLike, as_mesh, value_colors, write_mesh, write_table
 from unbend.mesh import Mesh, vertex_areas
 
-_MOST_RATIO = 10  # of sizes of one kind of shape, in one unit
 _DEVIATIONS, _MOST_DRAWN = 3, 5  # standard deviations up to which components are shown; how many
 
 
@@ -146,13 +145,9 @@ def mean_shape(
         placed[i] = points @ turn.T
     statistics = shape_statistics(placed, weights=weights, n_components=n_components, scale=scale)
     names = tuple(one.mesh.name for one in kept)
-    least, most = int(statistics.sizes.argmin()), int(statistics.sizes.argmax())
-    ratio = statistics.sizes[most] / statistics.sizes[least]
-    if ratio > _MOST_RATIO and not scale:
-        warn(
-            f"{names[most]} is {ratio:,.0f} times as large as {names[least]}: they may be in "
-            "different units; use one, or remove sizes with scale=True (--scale)"
-        )
+    if not scale:
+        advice = "use one, or remove sizes with scale=True (--scale)"
+        warn_of_units(statistics.sizes, names, advice)
     confidences = np.array([one.confidence for one in kept])
     coverages = np.array([one.coverage for one in kept])
     return MeanShape(template, statistics, names, confidences, coverages, tuple(left_out))

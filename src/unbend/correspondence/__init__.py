@@ -3,6 +3,7 @@
 from unbend.correspondence._archive import read_match, write_match
 from unbend.correspondence._evaluation import THRESHOLDS, Evaluation, Overlap, evaluate
 from unbend.correspondence._morph import morph
+from unbend.correspondence._morph import warn_of_units as warn_of_units
 from unbend.correspondence._register import Registration, register, write_registration
 from unbend.correspondence._register import check_template as check_template
 from unbend.correspondence._similarity import aligned_cosine, similarity

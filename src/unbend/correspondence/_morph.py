@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
@@ -18,7 +20,7 @@ from unbend.io import MeshLike, as_mesh
 from unbend.matching import Match
 from unbend.mesh import Mesh, edge_ends
 
-_MOST_RATIO = 10  # of sizes in one unit
+_MOST_RATIO = 10  # of sizes of one kind of shape, in one unit
 
 # Rotations are averaged over so many rings of neighbours, which hides the rounding to vertices.
 _AVERAGED_RINGS = 4
@@ -104,13 +106,7 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
         goal = _extended(surface, goal, moving, rotation, size)
     if t == 1:
         return Mesh(goal, source.faces, name=name)
-    small, large = sorted((source, target), key=_extent)
-    least, most = _extent(small), _extent(large)
-    if 0 < _MOST_RATIO * least < most:
-        warn(
-            f"{large.name} is {most / least:,.0f} times as large as {small.name}: they may be in "
-            "different units; use one"
-        )
+    warn_of_units((_extent(source), _extent(target)), (source.name, target.name))
     # The shape changes in the source's own frame; then the rigid motion follows.
     goal = (goal - translation) @ rotation
     between = start + t * (goal - start)
@@ -119,6 +115,18 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
     share = Rotation.from_rotvec(t * Rotation.from_matrix(rotation).as_rotvec()).as_matrix()
     travel = center @ rotation.T + translation - center
     return Mesh((between - center) @ share.T + center + t * travel, source.faces, name=name)
+
+
+def warn_of_units(
+    sizes: Sequence[float] | FloatArray, names: Sequence[str], advice: str = "use one"
+) -> None:
+    """Warn if one of some shapes is so much larger than another that units seem to differ."""
+    least, most = int(np.argmin(sizes)), int(np.argmax(sizes))
+    if 0 < _MOST_RATIO * sizes[least] < sizes[most]:
+        warn(
+            f"{names[most]} is {sizes[most] / sizes[least]:,.0f} times as large as "
+            f"{names[least]}: they may be in different units; {advice}"
+        )
 
 
 def _extent(mesh: Mesh) -> float:
