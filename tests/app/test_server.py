@@ -308,6 +308,11 @@ def test_jobs_wait_in_a_queue_and_are_cancelled(app, ply) -> None:
     app.send("DELETE", f"shapes/{i}")
 
 
+def wait_for(session: _session.Session) -> None:
+    while session.state(-1)["jobs"]:
+        time.sleep(0.001)
+
+
 def test_cancelling_leaves_a_shape_that_is_only_drawn_again(tmp_path, monkeypatch) -> None:
     class Worker:
         def __init__(self, memory: int) -> None:
@@ -328,8 +333,7 @@ def test_cancelling_leaves_a_shape_that_is_only_drawn_again(tmp_path, monkeypatc
     session = _session.Session(0, 0, None)
     try:
         session.add(tmp_path, "seen.ply")
-        while session.state(-1)["jobs"]:
-            time.sleep(0.001)
+        wait_for(session)
         session.turn("z")
         session.add(tmp_path, "new.ply")
         for job in session.state(-1)["jobs"][::-1]:
@@ -354,11 +358,9 @@ def test_of_two_files_of_one_name_the_bad_one_is_named(tmp_path, monkeypatch) ->
     session = _session.Session(0, 0, None)
     try:
         pair = [session.add(tmp_path / folder / "dog.ply", "dog.ply") for folder in "ab"]
-        while session.state(-1)["jobs"]:
-            time.sleep(0.001)
+        wait_for(session)
         session.submit({"do": "match", "shapes": pair})
-        while session.state(-1)["jobs"]:
-            time.sleep(0.001)
+        wait_for(session)
         (trouble,) = session.state(-1)["troubles"]
         assert trouble["text"].endswith("dog (2).ply: dog.ply: the surface has only one side")
     finally:
