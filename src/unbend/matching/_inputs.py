@@ -17,7 +17,14 @@ from unbend.errors import InputError, MeshError, warn
 from unbend.io import MeshLike, as_mesh
 from unbend.matching import _constants as constants
 from unbend.matching._shape import Shape, make_shape
-from unbend.mesh import Mesh, find_components, orient_consistently, outwardness, vertex_ids
+from unbend.mesh import (
+    Mesh,
+    find_components,
+    orient_consistently,
+    outwardness,
+    vertex_areas,
+    vertex_ids,
+)
 from unbend.preparation import describe_seams, restrict, surface_of_points
 from unbend.spectral import Surface, eigenpairs, make_surface
 
@@ -176,10 +183,14 @@ def _largest(mesh: Mesh) -> tuple[Mesh, IntArray, IntArray]:
     n_others = len(components.n_vertices) - 1
     if n_others < 1:
         return mesh, np.arange(mesh.n_vertices), np.arange(mesh.n_faces)
+    areas = np.bincount(components.of_vertex + 1, vertex_areas(mesh))[1:]
+    widest = int(areas.argmax())
+    wider = f"; component {widest} has over twice its area: if that is the body, match it instead"
     warn(
         f"{mesh.name}: its largest component is matched, {components.n_vertices[0]:,} of "
         f"{plural(mesh.n_vertices, 'vertex')}; {plural(n_others, 'smaller component')} "
         f"{'goes' if n_others == 1 else 'go'} along with what is nearest to it"
+        f"{f'{wider} (--component {widest})' if areas[widest] > 2 * areas[0] else ''}"
         f"{describe_seams(mesh, components)}"
     )
     return restrict(mesh, components.of_vertex == 0)
