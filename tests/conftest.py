@@ -1,11 +1,14 @@
 """What the tests share: where the real shapes are, and a few surfaces of our own."""
 
+import functools
+import gc
 import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+import typer.main
 from hypothesis import settings
 
 from unbend import Mesh
@@ -17,6 +20,8 @@ from unbend.spectral import use_cache
 settings.register_profile("unbend", deadline=None, derandomize=True, max_examples=20)
 settings.load_profile("unbend")
 
+# Typer makes all commands anew for each one that is run, which here are many.
+typer.main.get_command = functools.cache(typer.main.get_command)
 
 # Files of tests of several seconds each.
 LONG = {
@@ -28,6 +33,11 @@ LONG = {
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with long tests: no worker ends with one while the others have nothing to do."""
     items.sort(key=lambda item: item.path.name not in LONG)
+
+
+def pytest_collection_finish() -> None:
+    """Let garbage be looked for among what tests make, not among all modules and tests as well."""
+    gc.freeze()
 
 
 @pytest.fixture(scope="session", autouse=True)

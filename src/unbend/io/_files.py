@@ -67,7 +67,8 @@ def read_bytes(path: Path, suffixes: Collection[str]) -> bytes:
         status = path.stat()
         if not stat.S_ISREG(status.st_mode):  # a pipe may never end, nor a device
             raise FileError(f"cannot read {path}: it is not a regular file")
-        free = available_memory()
+        # Asking takes as long as reading a small file does.
+        free = available_memory() if status.st_size > 2**20 else None
         if free is not None and status.st_size > free:
             raise FileError(
                 f"cannot read {path}: it has {status.st_size / 2**30:,.0f} GiB, and "
