@@ -1,5 +1,6 @@
 """The Blender extension, in Blender's own Python module; skipped where that is not installed."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +17,15 @@ bpy = pytest.importorskip("bpy", reason="no Blender here: pip install bpy, for a
 import bmesh  # noqa: E402 (part of bpy)
 from mathutils import Vector  # noqa: E402 (part of bpy)
 
-STANDING = make_quadruped("standing", n_vertices=1500)
-WALKING = make_quadruped("walking", n_vertices=1200, meshing=1)
+
+@cache
+def standing():
+    return make_quadruped("standing", n_vertices=1500)
+
+
+@cache
+def walking():
+    return make_quadruped("walking", n_vertices=1200, meshing=1)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -73,23 +81,23 @@ def _half_colors(right: np.ndarray) -> np.ndarray:
 @pytest.fixture(scope="module")
 def scene(extension):
     """A dog with weights, an atlas and a shape key; and another, turned and larger, with none."""
-    source = make_object("standing", STANDING.mesh)
-    for part in range(STANDING.labels.max() + 1):
+    source = make_object("standing", standing().mesh)
+    for part in range(standing().labels.max() + 1):
         group = source.vertex_groups.new(name=f"part {part}")
-        group.add(np.flatnonzero(STANDING.labels == part).tolist(), 1.0, "REPLACE")
+        group.add(np.flatnonzero(standing().labels == part).tolist(), 1.0, "REPLACE")
     layer = source.data.uv_layers.new(name="atlas")
-    layer.uv.foreach_set("vector", atlas(STANDING.rest, STANDING.mesh.faces).ravel())
+    layer.uv.foreach_set("vector", atlas(standing().rest, standing().mesh.faces).ravel())
     source.shape_key_add(name="Basis")
     fat = source.shape_key_add(name="fat")
-    normals = vertex_normals(STANDING.mesh.vertices, STANDING.mesh.faces)
-    fat.data.foreach_set("co", (STANDING.mesh.vertices + 0.01 * normals).ravel())
+    normals = vertex_normals(standing().mesh.vertices, standing().mesh.faces)
+    fat.data.foreach_set("co", (standing().mesh.vertices + 0.01 * normals).ravel())
     points = source.data.color_attributes.new("soft", "FLOAT_COLOR", "POINT")
-    ramp = np.column_stack([(STANDING.rest + 1) / 4, np.ones(1500)])
+    ramp = np.column_stack([(standing().rest + 1) / 4, np.ones(1500)])
     points.data.foreach_set("color", ramp.ravel())
     corners = source.data.color_attributes.new("halves", "BYTE_COLOR", "CORNER")
-    right = STANDING.rest[STANDING.mesh.faces].mean(axis=1)[:, 0] < 0
+    right = standing().rest[standing().mesh.faces].mean(axis=1)[:, 0] < 0
     corners.data.foreach_set("color", np.repeat(_half_colors(right), 3, axis=0).ravel())
-    target = make_object("walking", WALKING.mesh)
+    target = make_object("walking", walking().mesh)
     target.scale = (2, 2, 2)
     target.rotation_euler = (0.3, 0.2, 1.0)
     select(source, target)
@@ -105,12 +113,12 @@ def test_weights_go_to_the_same_parts(scene) -> None:
             weights[vertex.index, one.group] = one.weight
     np.testing.assert_allclose(weights.sum(axis=1), 1, atol=0.01)
     names = [int(group.name.split()[1]) for group in target.vertex_groups]
-    assert (np.array(names)[weights.argmax(axis=1)] == WALKING.labels).mean() > 0.95
+    assert (np.array(names)[weights.argmax(axis=1)] == walking().labels).mean() > 0.95
 
 
 def test_uvs_have_no_face_across_islands(scene) -> None:
     _, target = scene
-    uvs, want = uvs_of(target), atlas(WALKING.rest, WALKING.mesh.faces)
+    uvs, want = uvs_of(target), atlas(walking().rest, walking().mesh.faces)
     right = uvs[..., 0] > 1
     assert (right.all(axis=1) | ~right.any(axis=1)).all()
     same = right[:, 0] == (want[:, 0, 0] > 1)
@@ -126,7 +134,7 @@ def test_a_shape_key_turns_with_the_surface(scene) -> None:
     for one, key in zip(places, keys, strict=True):
         key.data.foreach_get("co", one)
     moved = (places[1] - places[0]).reshape(-1, 3)
-    normals = vertex_normals(WALKING.mesh.vertices, WALKING.mesh.faces)
+    normals = vertex_normals(walking().mesh.vertices, walking().mesh.faces)
     lengths = np.linalg.norm(moved, axis=1)
     assert np.median((moved * normals).sum(axis=1) / lengths) > 0.97
     np.testing.assert_allclose(np.median(lengths), 0.01, rtol=0.1)
@@ -135,17 +143,17 @@ def test_a_shape_key_turns_with_the_surface(scene) -> None:
 def test_colours_go_to_the_same_places(scene) -> None:
     _, target = scene
     soft = values_of(target.data.color_attributes["soft"].data, "color", 4)
-    assert np.median(np.abs(soft[:, :3] - (WALKING.rest + 1) / 4)) < 0.01
+    assert np.median(np.abs(soft[:, :3] - (walking().rest + 1) / 4)) < 0.01
     halves = target.data.color_attributes["halves"]
     assert (halves.domain, halves.data_type) == ("CORNER", "BYTE_COLOR")
     seen = values_of(halves.data, "color", 4).reshape(-1, 3, 4)
-    right = WALKING.rest[WALKING.mesh.faces].mean(axis=1)[:, 0] < 0
+    right = walking().rest[walking().mesh.faces].mean(axis=1)[:, 0] < 0
     wrong = np.abs(seen - _half_colors(right)[:, None]).max(axis=(1, 2)) > 0.1
     assert wrong.mean() < 0.08
 
 
 def test_only_what_is_asked_for_is_transferred(scene) -> None:
-    other = make_object("again", WALKING.mesh)
+    other = make_object("again", walking().mesh)
     select(scene[0], other)
     bpy.ops.object.unbend_transfer(uvs=False, shape_keys=False, colors=False)
     assert len(other.vertex_groups) == len(scene[0].vertex_groups)
@@ -161,7 +169,7 @@ def test_a_match_is_stored_and_painted(scene) -> None:
     bpy.ops.object.unbend_match()
     partners = values_of(target.data.attributes["unbend_partner"].data, "value")
     assert (partners >= 0).all()
-    assert (STANDING.labels[partners] == WALKING.labels).mean() > 0.95
+    assert (standing().labels[partners] == walking().labels).mean() > 0.95
     ours, theirs = (
         values_of(one.data.color_attributes["unbend_match"].data, "color_srgb", 4)
         for one in (source, target)
@@ -171,13 +179,13 @@ def test_a_match_is_stored_and_painted(scene) -> None:
 
 
 def test_landmarks_are_vertex_groups_and_are_not_transferred(extension) -> None:
-    thing = make_object("marked", WALKING.mesh)
+    thing = make_object("marked", walking().mesh)
     group = thing.vertex_groups.new(name="landmark nose")
     group.add([3], 0.5, "REPLACE")
     group.add([7], 0.9, "REPLACE")
     thing.vertex_groups.new(name="landmark of nothing")
     assert extension.carry.landmarks(thing) == {"landmark nose": 7}
-    other = make_object("unmarked", WALKING.mesh)
+    other = make_object("unmarked", walking().mesh)
     extension.carry.carry_vertex_groups(thing, other, lambda weights: weights)
     assert not other.vertex_groups
 
@@ -243,9 +251,9 @@ def test_canonical_forms_of_two_poses_agree(scene) -> None:
 
 
 def test_errors_are_sentences_and_change_nothing(scene) -> None:
-    empty = make_object("flat", WALKING.mesh)
+    empty = make_object("flat", walking().mesh)
     empty.scale = (1, 0, 1)
-    good = make_object("good", WALKING.mesh)
+    good = make_object("good", walking().mesh)
     select(scene[0], good, empty)
     with pytest.raises(RuntimeError, match="its scale is zero along an axis"):
         bpy.ops.object.unbend_transfer()
@@ -257,7 +265,7 @@ def test_errors_are_sentences_and_change_nothing(scene) -> None:
 
 @pytest.mark.parametrize("suffix", [".ply", ".obj", ".glb"])
 def test_blender_sees_the_colours_that_we_write(tmp_path: Path, suffix: str) -> None:
-    mesh = WALKING.mesh
+    mesh = walking().mesh
     colors, _ = match_colors(mesh, mesh, np.arange(1200))
     path = str(tmp_path / f"a{suffix}")
     write_mesh(path, mesh, colors=colors)

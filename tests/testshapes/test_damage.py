@@ -1,5 +1,7 @@
 """Cuts take what they say, leave good surfaces, and keep the truth."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,7 +14,10 @@ from unbend import diagnose
 from unbend.datasets import make_biped, make_sphere, rest_map
 from unbend.errors import InputError
 
-BODY = make_biped("running", n_vertices=1200)
+
+@cache
+def body():
+    return make_biped("running", n_vertices=1200)
 
 
 def assert_consistent(damaged: Damaged, whole) -> None:
@@ -35,10 +40,10 @@ def assert_manifold_with_rims(damaged: Damaged) -> None:
 @pytest.mark.parametrize("n_discs", [1, 8])
 def test_discs_take_the_share_of_the_area_that_was_asked(share, n_discs):
     for seed in range(3):
-        torn = cut_discs(BODY.mesh, share, n_discs, random_state=seed)
-        assert_consistent(torn, BODY.mesh)
+        torn = cut_discs(body().mesh, share, n_discs, random_state=seed)
+        assert_consistent(torn, body().mesh)
         assert_manifold_with_rims(torn)
-        assert 1 - area(torn.mesh) / area(BODY.mesh) == pytest.approx(share, abs=0.011)
+        assert 1 - area(torn.mesh) / area(body().mesh) == pytest.approx(share, abs=0.011)
 
 
 def test_on_a_sphere_a_disc_is_exact():
@@ -67,9 +72,9 @@ def test_a_plane_takes_one_side(share, direction):
 
 def test_a_cut_limb_is_gone_and_nothing_else():
     for name in ("left_arm", "right_leg"):
-        wanted = BODY.labels != BODY.parts.index(name)
-        left = keep(BODY.mesh, wanted)
-        assert_consistent(left, BODY.mesh)
+        wanted = body().labels != body().parts.index(name)
+        left = keep(body().mesh, wanted)
+        assert_consistent(left, body().mesh)
         assert_manifold_with_rims(left)
         assert wanted[left.origin].all()
         assert len(left.origin) > 0.97 * wanted.sum()
@@ -93,19 +98,19 @@ def test_the_truth_between_parts_is_that_of_the_wholes():
 
 
 def test_overlapping_parts_share_what_neither_lost():
-    height = BODY.rest[:, 1]
-    lower, upper = cut(BODY.mesh, -height, 0.25), cut(BODY.mesh, height, 0.25)
+    height = body().rest[:, 1]
+    lower, upper = cut(body().mesh, -height, 0.25), cut(body().mesh, height, 0.25)
     truth = damaged_truth(np.arange(1200), lower, upper)
-    shared = keep(BODY.mesh, (lower.image >= 0) & (upper.image >= 0))
-    assert area(shared.mesh) / area(BODY.mesh) == pytest.approx(0.5, abs=0.08)
+    shared = keep(body().mesh, (lower.image >= 0) & (upper.image >= 0))
+    assert area(shared.mesh) / area(body().mesh) == pytest.approx(0.5, abs=0.08)
     assert abs(int((truth >= 0).sum()) - shared.mesh.n_vertices) < 60
 
 
 def test_damage_upon_damage():
-    first = cut_discs(BODY.mesh, 0.2, random_state=0)
+    first = cut_discs(body().mesh, 0.2, random_state=0)
     second = cut_discs(first.mesh, 0.2, random_state=1)
     both = first.then(second)
-    assert_consistent(both, BODY.mesh)
+    assert_consistent(both, body().mesh)
     noisy = both.then(add_noise(both.mesh, 0.1, random_state=0))
     np.testing.assert_array_equal(noisy.origin, both.origin)
     np.testing.assert_array_equal(noisy.image, both.image)
@@ -126,10 +131,10 @@ def test_rims_that_touch_are_parted():
 @pytest.mark.parametrize("share", [-0.1, 1.0, 2.0])
 def test_a_share_that_is_none_is_refused(share):
     with pytest.raises(InputError, match="from 0 to less than 1"):
-        cut_discs(BODY.mesh, share)
+        cut_discs(body().mesh, share)
 
 
 def test_nothing_cut_is_everything_kept():
-    assert cut_discs(BODY.mesh, 0.0).mesh.n_faces == BODY.mesh.n_faces
+    assert cut_discs(body().mesh, 0.0).mesh.n_faces == body().mesh.n_faces
     seen = seen_from(make_sphere(2), (1, 0, 0))
     assert_consistent(seen, make_sphere(2))

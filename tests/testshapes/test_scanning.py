@@ -1,5 +1,7 @@
 """What a camera sees, noise, and separate pieces."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,10 @@ from testshapes.scanning import _visible, add_components, add_noise, seen_from
 from unbend import diagnose
 from unbend.datasets import make_biped, make_quadruped, make_sphere
 
-DOG = make_quadruped("sitting", n_vertices=600).mesh
+
+@cache
+def dog():
+    return make_quadruped("sitting", n_vertices=600).mesh
 
 
 def hidden_by_a_face(mesh, direction):
@@ -31,10 +36,10 @@ def hidden_by_a_face(mesh, direction):
 @pytest.mark.parametrize("direction", [(0, 0, 1), (0.3, 0.5, -0.8), (-1, 0.1, 0.2)])
 def test_visible_faces_are_those_that_rays_reach(direction):
     direction = np.array(direction) / np.linalg.norm(direction)
-    normals = face_normals(DOG)
+    normals = face_normals(dog())
     facing = normals @ direction > 0.1 * np.linalg.norm(normals, axis=1)
-    expected = facing & ~hidden_by_a_face(DOG, direction)
-    assert np.mean(_visible(DOG, direction) == expected) > 0.999
+    expected = facing & ~hidden_by_a_face(dog(), direction)
+    assert np.mean(_visible(dog(), direction) == expected) > 0.999
 
 
 def test_of_a_sphere_the_front_is_seen():
@@ -48,7 +53,7 @@ def test_of_a_sphere_the_front_is_seen():
 
 def test_a_scan_is_one_manifold_piece():
     for direction in np.random.default_rng(0).standard_normal((5, 3)):
-        found = diagnose(seen_from(DOG, direction).mesh)
+        found = diagnose(seen_from(dog(), direction).mesh)
         assert len(found.component_faces) == 1
         assert found.non_manifold_edges == found.non_manifold_vertices == 0
 
