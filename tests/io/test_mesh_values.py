@@ -128,7 +128,7 @@ def test_a_mesh_without_values_says_so(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="holds no values per vertex"):
         read_values(tmp_path / "a.ply")
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n")
-    with pytest.raises(FileError, match="no values per vertex; unbend register carries its tex"):
+    with pytest.raises(FileError, match="no values per vertex; registering carries its texture"):
         read_values(tmp_path / "a.obj", name="uv")
     write_mesh(tmp_path / "a.obj", SQUARE)
     with pytest.raises(FileError, match=r"no values per vertex$"):

@@ -145,7 +145,7 @@ def _of_mesh(
         return found[name], _numbered(name, found[name][:1].size)
     hint = ""
     if "texture coordinates" in file_extras(path):
-        hint = "; unbend register carries its texture"
+        hint = "; registering carries its texture"
     elif b'"WEIGHTS_0"' in path.read_bytes():  # of glTF
         hint = "; its skinning weights are not read: in Blender, unbend's extension carries them"
     if not found:

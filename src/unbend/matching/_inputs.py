@@ -190,7 +190,7 @@ def _largest(mesh: Mesh) -> tuple[Mesh, IntArray, IntArray]:
         f"{mesh.name}: its largest component is matched, {components.n_vertices[0]:,} of "
         f"{plural(mesh.n_vertices, 'vertex')}; {plural(n_others, 'smaller component')} "
         f"{'goes' if n_others == 1 else 'go'} along with what is nearest to it"
-        f"{f'{wider} (--component {widest})' if areas[widest] > 2 * areas[0] else ''}"
+        f"{wider if areas[widest] > 2 * areas[0] else ''}"
         f"{describe_seams(mesh, components)}"
     )
     return restrict(mesh, components.of_vertex == 0)
