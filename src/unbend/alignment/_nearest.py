@@ -33,7 +33,7 @@ def nearest_pairs(source: FloatArray, target: FloatArray) -> Pairs:
     h, m, d = left.shape
     n = len(right)
     forward, ahead = np.empty((h, m), np.int64), np.empty((h, m), np.float32)
-    backward, back = np.zeros((h, n), np.int64), np.full((h, n), np.inf, np.float32)
+    backward, back = np.zeros((h, n), np.int32), np.full((h, n), np.inf, np.float32)
 
     def search(some: slice) -> None:
         products = (left[some].reshape(-1, d) @ right.T).reshape(-1, m, n)
@@ -43,37 +43,40 @@ def nearest_pairs(source: FloatArray, target: FloatArray) -> Pairs:
 
     run_all(functools.partial(search, some) for some in slices(h, max(1, _TASK // (m * n))))
     squares = np.maximum(ahead, 0).mean(axis=1) + np.maximum(back, 0).mean(axis=1)
-    return Pairs(forward, backward, np.sqrt(squares / 2).astype(np.float64))
+    return Pairs(forward, backward.astype(np.int64), np.sqrt(squares / 2).astype(np.float64))
 
 
 @compiled
 def _find_nearest(  # type: ignore[no-untyped-def]
     products, left, right, forward, ahead, backward, back, least
 ):
-    """Search all placements; their inner products are overwritten by distances."""
+    """Search all placements; their inner products are overwritten by distances.
+
+    Loops without branches, over numbers of one width, are done in vector registers.
+    """
     n_placements, m, n = products.shape
     for h in range(n_placements):
         for i in range(m):
             line = products[h, i]
+            number, shift = np.int32(i), left[h, i]
             for j in range(n):
-                line[j] = left[h, i] + right[j] - np.float32(2) * line[j]
+                line[j] = shift + right[j] - np.float32(2) * line[j]
                 least[j] = line[j]
-            # Halves are compared side by side, in vector registers, which one minimum is not.
+                nearer = line[j] < back[h, j]
+                back[h, j] = line[j] if nearer else back[h, j]
+                backward[h, j] = number if nearer else backward[h, j]
+            # Halves are compared side by side, which one minimum is not.
             count = n
             while count > 1:
                 half = (count + 1) // 2
                 for j in range(count - half):
                     least[j] = min(least[j], least[half + j])
                 count = half
-            for j in range(n):
-                if line[j] == least[0]:
-                    forward[h, i] = j
-                    break
-            for j in range(n):
-                if line[j] < back[h, j]:
-                    back[h, j] = line[j]
-                    backward[h, j] = i
             ahead[h, i] = least[0]
+            first = np.int32(n)
+            for j in range(n):
+                first = min(first, np.int32(j) if line[j] == least[0] else np.int32(n))
+            forward[h, i] = first
 
 
 def farthest_points(points: FloatArray, count: int, start: int) -> IntArray:
