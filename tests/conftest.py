@@ -1,6 +1,5 @@
 """What the tests share: where the real shapes are, and a few surfaces of our own."""
 
-import functools
 import gc
 import os
 from collections.abc import Iterator
@@ -8,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import typer.main
 from hypothesis import settings
 
 from unbend import Mesh
@@ -19,9 +17,6 @@ from unbend.spectral import use_cache
 # Examples are drawn the same way in every run: a failure can be repeated.
 settings.register_profile("unbend", deadline=None, derandomize=True, max_examples=20)
 settings.load_profile("unbend")
-
-# Typer makes all commands anew for each one that is run, which here are many.
-typer.main.get_command = functools.cache(typer.main.get_command)
 
 # Files of tests of several seconds each.
 LONG = {
