@@ -11,10 +11,11 @@ HEAD = """\
 # Bad input
 
 The answers of the command line to damaged and unusual files. Each case is made by code in
-`tests/corpus` and run by the tests, most of them through every command that reads such a file. A
-case ends in one of two ways: with a result, which is compared with that of the repaired mesh, or
-with exit code 2 and one sentence that names the file and the problem. There is no traceback and no
-hang, no file is half-written, and no command uses more memory than the file accounts for.
+`tests/corpus` and run by the tests: the first file of a kind through every command that reads such
+a file, the others through two of them in turn, for all call the same reader. A case ends in one of
+two ways: with a result, which is compared with that of the repaired mesh, or with exit code 2 and
+one sentence that names the file and the problem. There is no traceback and no hang, no file is
+half-written, and no command uses more memory than the file accounts for.
 
 This page is written by `python -m tests.corpus`.
 

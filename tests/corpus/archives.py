@@ -12,7 +12,7 @@ import numpy as np
 from unbend import Match, write_match
 
 from .case import Answer, Case, Refused, Seen
-from .good import Command, beside, npy
+from .good import Command, beside, in_turn, npy
 
 _N = 42  # vertices of good.off
 Arrays = dict[str, Any]
@@ -20,10 +20,10 @@ Arrays = dict[str, Any]
 
 def cases() -> Iterator[Case]:
     """Give a case for each archive."""
-    for name, change, sentence in _arrays():
-        yield _case(name, lambda change=change: _packed(change(_match())), sentence)
-    for name, make, sentence in _files():
-        yield _case(name, make, sentence)
+    for i, (name, change, sentence) in enumerate(_arrays()):
+        yield _case(i, name, lambda change=change: _packed(change(_match())), sentence)
+    for i, (name, make, sentence) in enumerate(_files()):
+        yield _case(i, name, make, sentence)
     yield Case(
         "match, a member that would lie above the folder",
         _writer(lambda: _packed({**_match(), "../../escaped": np.zeros(1)})),
@@ -32,8 +32,9 @@ def cases() -> Iterator[Case]:
     )
 
 
-def _case(name: str, data: Callable[[], bytes], sentence: str) -> Case:
-    return Case(name, _writer(data), _commands(), Refused(sentence, names="bad.npz"))
+def _case(i: int, name: str, data: Callable[[], bytes], sentence: str) -> Case:
+    commands = in_turn(_commands(), i)
+    return Case(name, _writer(data), commands, Refused(sentence, names="bad.npz"))
 
 
 def _writer(data: Callable[[], bytes]) -> Callable[[Path], None]:

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import typer.main
 
+import unbend
 from unbend.cli import app
 
 from .good import Command, store
@@ -92,11 +93,16 @@ class Case:
 
 
 def here(folder: Path, command: Command) -> Seen:
-    """Run a command in this process; what it does not catch is raised."""
+    """Run a command in a folder, in this process."""
+    with contextlib.chdir(folder):
+        return Seen(folder, *run(command))
+
+
+def run(command: Command) -> tuple[int, str, str]:
+    """Run a command where we are, and give what is `Seen`; what it does not catch is raised."""
     words = [store() if word == "STORE" else word for word in shlex.split(command)]
     out, err = io.StringIO(), io.StringIO()
     with (
-        contextlib.chdir(folder),
         contextlib.redirect_stdout(out),
         contextlib.redirect_stderr(err),
         warnings.catch_warnings(),
@@ -109,7 +115,7 @@ def here(folder: Path, command: Command) -> Seen:
         except Exception as error:
             raise AssertionError(f"{command}: a traceback") from error
     assert isinstance(code, int), code
-    return Seen(folder, code, out.getvalue(), err.getvalue())
+    return code, out.getvalue(), err.getvalue()
 
 
 @functools.cache
@@ -123,7 +129,7 @@ def try_case(case: Case, folder: Path) -> str:
     bad = folder / "given"
     bad.mkdir()
     case.make(bad)
-    run = case.run or here
+    how = case.run or here
     if isinstance(case.expected, Answer):
         mended = folder / "mended"
         mended.mkdir()
@@ -131,19 +137,19 @@ def try_case(case: Case, folder: Path) -> str:
     seen = ""
     for command in case.commands:
         if isinstance(case.expected, Refused):
-            seen = _refused(case.expected, run, bad, command)
+            seen = _refused(case.expected, how, bad, command)
         else:
-            seen = _answered(case.expected, run, bad, mended, command)
+            seen = _answered(case.expected, how, bad, mended, command)
     return seen
 
 
-def _refused(expected: Refused, run: Run, folder: Path, command: Command) -> str:
+def _refused(expected: Refused, how: Run, folder: Path, command: Command) -> str:
     before = _files(folder)
-    store()  # what is loaded for it is not the input's doing
-    if run is here:
+    _load()  # what is loaded for it is not the input's doing
+    if how is here:
         tracemalloc.start()
     try:
-        seen = run(folder, command)
+        seen = how(folder, command)
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
@@ -159,14 +165,21 @@ def _refused(expected: Refused, run: Run, folder: Path, command: Command) -> str
     return lines[0].removeprefix("error: ")
 
 
-def _answered(expected: Answer, run: Run, bad: Path, mended: Path, command: Command) -> str:
-    seen = run(bad, command)
+def _answered(expected: Answer, how: Run, bad: Path, mended: Path, command: Command) -> str:
+    seen = how(bad, command)
     assert seen.code == expected.code, f"{command}: {seen}"
     assert "Traceback" not in seen.err, f"{command}: {seen.err}"
     _check_whole(bad)
     truth = here(mended, command)
     assert truth.code == 0, f"{command} on the mended files: {truth}"
     return expected.compare(seen, truth)
+
+
+@functools.cache
+def _load() -> None:
+    """Load what commands do, once: traced, that takes seconds."""
+    store()
+    unbend.report.new_figure(1, 1)
 
 
 def _files(folder: Path) -> dict[str, int]:

@@ -1,4 +1,4 @@
-"""Mesh files that are damaged, by format; every command that reads a mesh gets each of them."""
+"""Mesh files that are damaged, by format, for the commands that read a mesh."""
 
 import struct
 from collections.abc import Callable, Iterator
@@ -9,7 +9,7 @@ import numpy as np
 from unbend import write_mesh
 
 from .case import Answer, Case, Refused, Seen
-from .good import beside, npy, reading, square_text, stone
+from .good import beside, in_turn, npy, reading, square_text, stone
 
 _PLY = (
     "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
@@ -21,13 +21,13 @@ _SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.5]], dtype="<f4")
 
 def cases() -> Iterator[Case]:
     """Give a case for each damaged file."""
-    files = (*_off(), *_obj(), *_ply(), *_stl(), *_vtk(), *_points())
-    for name, suffix, content, sentence in files:
-        yield _bad_file(name, suffix, content, sentence)
+    for files in (_off(), _obj(), _ply(), _stl(), _vtk(), _points()):
+        for i, row in enumerate(files):
+            yield _bad_file(i, *row)
     yield from _odd_but_whole()
 
 
-def _bad_file(name: str, suffix: str, content: str | bytes, sentence: str) -> Case:
+def _bad_file(i: int, name: str, suffix: str, content: str | bytes, sentence: str) -> Case:
     data = content.encode() if isinstance(content, str) else content
     bad = f"bad{suffix}"
 
@@ -35,7 +35,7 @@ def _bad_file(name: str, suffix: str, content: str | bytes, sentence: str) -> Ca
         beside(folder)
         (folder / bad).write_bytes(data)
 
-    return Case(name, make, reading(bad), Refused(sentence, names=bad))
+    return Case(name, make, in_turn(reading(bad), i), Refused(sentence, names=bad))
 
 
 def _odd_but_whole() -> Iterator[Case]:

@@ -62,6 +62,15 @@ def store() -> str:
 _KEPT: list[tempfile.TemporaryDirectory[str]] = []
 
 
+def in_turn(commands: tuple[Command, ...], i: int) -> tuple[Command, ...]:
+    """Give all commands to the first file of a kind, and two to each other, different ones.
+
+    What all of them call is the same reader.
+    """
+    n = len(commands)
+    return tuple(commands[k % n] for k in (2 * i, 2 * i + 1)) if i and n > 2 else commands
+
+
 def reading(name: str) -> tuple[Command, ...]:
     """Give every command that reads a mesh, with this one."""
     return (

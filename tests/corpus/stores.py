@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from .case import Answer, Case, Refused, Seen, here
-from .good import Command, beside, store
+from .good import Command, beside, in_turn, store
 
 _USES = (
     "collection list bad.store",
@@ -22,8 +22,8 @@ _USES = (
 
 def cases() -> Iterator[Case]:
     """Give a case for each damage."""
-    for name, make, sentence in _stores():
-        yield Case(f"collection, {name}", make, _USES, Refused(sentence))
+    for i, (name, make, sentence) in enumerate(_stores()):
+        yield Case(f"collection, {name}", make, in_turn(_USES, i), Refused(sentence))
     yield Case(
         "collection, a shape that is not in it",
         _copy(),

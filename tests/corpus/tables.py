@@ -1,12 +1,12 @@
 """Maps, values, landmarks and labels that are damaged."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 
 from .case import Case, Refused
-from .good import Command, beside, npy
+from .good import Command, beside, in_turn, npy
 
 _N = 42  # vertices of good.off
 
@@ -15,25 +15,29 @@ _Row = tuple[str, str, str | bytes, str]
 
 def cases() -> Iterator[Case]:
     """Give a case for each damaged table."""
-    yield from (_case(_using_map, row) for row in (*_maps(), *_lists_of_vertices()))
-    yield from (_case(_using_truth, row) for row in _truths())
-    yield from (_case(_using_values, row) for row in _values())
-    yield from (_case(_using_landmarks, row) for row in _landmarks())
-    yield from (_case(_using_markups, row) for row in _markups())
-    yield from (_case(_using_points, row) for row in _points())
-    yield from (_case(_using_labels, row) for row in _labels())
+    for commands, rows in (
+        (_using_map, (*_maps(), *_lists_of_vertices())),
+        (_using_truth, _truths()),
+        (_using_values, _values()),
+        (_using_landmarks, _landmarks()),
+        (_using_markups, _markups()),
+        (_using_points, _points()),
+        (_using_labels, _labels()),
+    ):
+        for i, row in enumerate(rows):
+            yield _case(i, commands, row)
 
 
-def _case(commands: object, row: _Row) -> Case:
+def _case(i: int, commands: Callable[[str], tuple[Command, ...]], row: _Row) -> Case:
     name, suffix, content, sentence = row
-    assert callable(commands)
     data = content.encode() if isinstance(content, str) else content
 
     def make(folder: Path) -> None:
         beside(folder)
         (folder / f"bad{suffix}").write_bytes(data)
 
-    return Case(name, make, commands(f"bad{suffix}"), Refused(sentence, names=f"bad{suffix}"))
+    bad = f"bad{suffix}"
+    return Case(name, make, in_turn(commands(bad), i), Refused(sentence, names=bad))
 
 
 def _using_map(name: str) -> tuple[Command, ...]:
