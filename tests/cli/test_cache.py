@@ -1,12 +1,9 @@
 import json
 
 import pytest
-from typer.testing import CliRunner
 
+from terminal import invoke
 from unbend import spectrum
-from unbend.cli import app
-
-runner = CliRunner()
 
 
 @pytest.fixture(autouse=True)
@@ -17,14 +14,14 @@ def folder(tmp_path, monkeypatch):
 
 def test_info_says_where_and_how_much(blob, folder):
     spectrum(blob, 4)
-    found = json.loads(runner.invoke(app, ["cache", "info", "--json"]).stdout)
+    found = json.loads(invoke(["cache", "info", "--json"]).stdout)
     assert found["folder"] == str(folder)
     assert found["n_files"] == 1
     assert found["n_bytes"] > 642 * 4 * 8
-    assert str(folder) in runner.invoke(app, ["cache", "info"]).stdout
+    assert str(folder) in invoke(["cache", "info"]).stdout
 
 
 def test_clear_empties_it(blob, folder):
     spectrum(blob, 4)
-    assert "removed 1 spectra" in runner.invoke(app, ["cache", "clear"]).stdout
+    assert "removed 1 spectra" in invoke(["cache", "clear"]).stdout
     assert not list(folder.glob("*.npz"))

@@ -2,16 +2,13 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
+from terminal import invoke
 from unbend import canonical_form, lay_into_pose, read_mesh, sampled_canonical_form, write_mesh
-from unbend.cli import app
-
-runner = CliRunner()
 
 
 def run(*arguments):
-    return runner.invoke(app, ["canonical", *map(str, arguments)])
+    return invoke(["canonical", *map(str, arguments)])
 
 
 @pytest.fixture

@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from stones import write_stones
+from terminal import invoke
 from unbend import read_match
-from unbend.cli import app
 from unbend.cli.collection import compare
 from unbend.collection import Collection
 from unbend.datasets import make_sphere
@@ -19,7 +18,7 @@ from unbend.errors import InputError
 
 
 def run(*arguments: object) -> Any:
-    return CliRunner().invoke(app, ["collection", *map(str, arguments)])
+    return invoke(["collection", *map(str, arguments)])
 
 
 def json_of(*arguments: object) -> dict:
@@ -136,7 +135,7 @@ def test_what_misses_a_file_says_which_and_how_to_mend_it(tmp_path: Path) -> Non
         done = run(*arguments)
         for stone in stones:
             assert f"{stone} {mend}" in done.stderr, done.output
-    done = run("add", store, tmp_path / "away", query)
+    done = run("add", store, tmp_path / "away", query, "--workers", 0)
     assert done.stdout.startswith("added 0, there before 2 (2 under a new path), failed 0")
     done = run("search", store, query, "--rerank", "match", "--report", tmp_path / "out.html")
     assert done.exit_code == 0
@@ -206,13 +205,13 @@ def test_matrix_and_groups(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Non
 
 def test_match(folder: Path) -> None:
     Path("pairs.csv").write_text("source, target\nstones/stone02.ply, stones/stone03.ply\n")
-    told = json_of("match", "shapes", "--pairs", "pairs.csv", "-o", "matches", "--workers", 0)
+    line = ("match", "shapes", "--pairs", "pairs.csv", "-o", "matches", "--workers", 0)
+    told = json_of(*line)
     assert (told["n_matched"], told["n_skipped"], told["failed"]) == (1, 0, [])
     (path,) = Path("matches").glob("stone02-stone03-*.npz")
     assert len(read_match(path).source_to_target) == 162
-    again = run("match", "shapes", "--pairs", "pairs.csv", "-o", "matches")
-    assert again.stdout.startswith("matched 0, there before 1, failed 0")
-    run("match", "shapes", "--pairs", "pairs.csv", "-o", "matches", "--partial", "none")
+    assert run(*line).stdout.startswith("matched 0, there before 1, failed 0")
+    run(*line, "--partial", "none")
     assert len(list(Path("matches").glob("stone02-stone03-*-none.npz"))) == 1
 
 
@@ -256,7 +255,7 @@ def test_a_page_of_too_many_shapes_is_refused_before_they_are_compared(
     done = run("search", "shapes", "stones/stone00.ply", "-n", 900, "--report", "out.html")
     assert (done.stderr, counts) == ("error: too many\n", [5])
     line = ["similarity", *["none.ply"] * 3, "--report", "out.html"]
-    done = CliRunner().invoke(app, line)
+    done = invoke(line)
     assert (done.stderr, counts) == ("error: too many\n", [5, 3])
 
 

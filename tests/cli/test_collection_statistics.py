@@ -4,15 +4,14 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from stones import write_stones
-from unbend.cli import app
+from terminal import invoke
 from unbend.collection import Collection, read_registrations, retrieval_measures
 
 
 def run(*arguments):
-    return CliRunner().invoke(app, ["collection", *map(str, arguments)])
+    return invoke(["collection", *map(str, arguments)])
 
 
 @pytest.fixture(scope="module")

@@ -2,12 +2,9 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
+from terminal import invoke
 from unbend import distance, write_mesh
-from unbend.cli import app
-
-runner = CliRunner()
 
 
 @pytest.fixture
@@ -20,7 +17,7 @@ def mesh(blob, tmp_path):
 def test_writes_one_column_per_source(mesh, blob, tmp_path, suffix):
     out = tmp_path / f"field{suffix}"
     options = ["--from", "12", "--from", "500", "--distance", "commute-time", "-o", str(out)]
-    done = runner.invoke(app, ["distance", mesh, *options])
+    done = invoke(["distance", mesh, *options])
     assert done.exit_code == 0, done.output
     expected = distance(blob, [12, 500], distance="commute-time").T
     if suffix == ".ply":
@@ -39,20 +36,20 @@ def test_writes_one_column_per_source(mesh, blob, tmp_path, suffix):
 def test_the_page_says_which_distance_it_shows(mesh, tmp_path):
     page = tmp_path / "page.html"
     options = ["--from", "12", "--distance", "biharmonic", "--report", str(page)]
-    assert runner.invoke(app, ["distance", mesh, *options]).exit_code == 0
+    assert invoke(["distance", mesh, *options]).exit_code == 0
     html = page.read_text("utf-8")
     assert "by biharmonic distance</option>" in html
     assert " From vertex 12.</p>" in html
-    assert runner.invoke(app, ["distance", mesh, *options, "--from", "40"]).exit_code == 0
+    assert invoke(["distance", mesh, *options, "--from", "40"]).exit_code == 0
     assert " From the nearest of the vertices 12, 40.</p>" in page.read_text("utf-8")
 
 
 def test_prints_the_farthest_vertex(mesh, blob):
     field = distance(blob, 7, distance="geodesic")[0]
     arguments = ["distance", mesh, "--from", "7"]
-    done = runner.invoke(app, arguments)
+    done = invoke(arguments)
     assert f"farthest is vertex {field.argmax()}, at {field.max():.5g}" in done.stdout
-    found = json.loads(runner.invoke(app, [*arguments, "--json"]).stdout)
+    found = json.loads(invoke([*arguments, "--json"]).stdout)
     assert found["sources"][0]["farthest"] == field.argmax()
     assert found["sources"][0]["distance"] == pytest.approx(field.max())
 
@@ -67,21 +64,19 @@ def test_prints_the_farthest_vertex(mesh, blob):
     ],
 )
 def test_mistakes_get_one_sentence(mesh, options, message):
-    done = runner.invoke(app, ["distance", mesh, *options])
+    done = invoke(["distance", mesh, *options])
     assert done.exit_code == 2
     assert message in done.stderr
     assert done.stderr.count("\n") == 1
 
 
 def test_draws_the_distance_to_the_nearest_source(mesh, tmp_path):
-    done = runner.invoke(
-        app, ["distance", mesh, "--from", "7", "--figure", str(tmp_path / "a.png")]
-    )
+    done = invoke(["distance", mesh, "--from", "7", "--figure", str(tmp_path / "a.png")])
     assert done.exit_code == 0, done.output
     assert (tmp_path / "a.png").stat().st_size > 10_000
 
 
 def test_what_is_no_vertex_number_is_called_so(mesh):
-    done = runner.invoke(app, ["distance", mesh, "--from", "nose"])
+    done = invoke(["distance", mesh, "--from", "nose"])
     assert done.exit_code == 2
     assert "'nose' is no vertex number; vertices are counted from 0" in done.stderr

@@ -6,22 +6,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
+from sheets import make_torus
 from stones import write_stones
+from terminal import invoke
 from unbend import Mesh, read_mesh, write_match, write_mesh
-from unbend.cli import app
-from unbend.datasets import make_quadruped
 from unbend.io import read_markups, read_values, write_map, write_markups, write_values
 from unbend.matching import Match
 
-SOURCE = make_quadruped("standing", n_vertices=600).mesh
-TARGET = make_quadruped("walking", n_vertices=600).mesh  # the same vertices, in another pose
+RING = make_torus(30, 20)  # pairs of its faces are quads
+SOURCE = Mesh(RING.vertices * [0.25, 0.3, 0.22], RING.faces)
+TARGET = Mesh(SOURCE.vertices + 0.3 * SOURCE.vertices[:, [1]] ** 2, RING.faces)
 SAME = np.arange(600)
 
 
 def right(*arguments):
-    done = CliRunner().invoke(app, [*map(str, arguments)])
+    done = invoke(arguments)
     assert done.exit_code == 0, done.output
     return done
 
@@ -70,7 +70,7 @@ def test_without_matplotlib_nothing_is_computed_or_written(
 ) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     before = sorted(folder.iterdir())
-    done = CliRunner().invoke(app, line.split())
+    done = invoke(line.split())
     assert done.exit_code == 2
     assert done.stderr == "error: matplotlib is needed for this: pip install matplotlib\n"
     assert sorted(folder.iterdir()) == before
@@ -130,10 +130,10 @@ def test_transfer_colours_the_lines_of_an_obj(folder: Path) -> None:
     write_mesh("two.ply", SOURCE, colors=colors, scalars={"heat": SAME, "cold": -SAME})
     right(*given, "--values", "two.ply", "--property", "color")
     np.testing.assert_array_equal(read_values("again.ply"), colors)
-    done = CliRunner().invoke(app, [*given, "--values", "two.ply"])
+    done = invoke([*given, "--values", "two.ply"])
     assert done.exit_code == 2
     assert "two.ply: holds color, heat, cold; name one of them with --property" in done.stderr
-    done = CliRunner().invoke(app, [*given, "--values", "two.ply", "--property", "colour"])
+    done = invoke([*given, "--values", "two.ply", "--property", "colour"])
     assert done.exit_code == 2
     assert "two.ply: holds no colour, but color, heat, cold; name one of them" in done.stderr
 
@@ -195,7 +195,7 @@ def test_landmarks_are_carried_and_lead_a_match(folder: Path) -> None:
     labels, vertices = read_markups("b.mrk.json", TARGET)
     assert (labels, vertices.tolist()) == (["nose", "tail", "paw"], [3, 500, 77])
     for more in (["--kind", "label"], ["--property", "heat"]):
-        done = CliRunner().invoke(app, [*given, "--map", "map.npy", *more])
+        done = invoke([*given, "--map", "map.npy", *more])
         assert done.exit_code == 2
         assert "landmarks have no --kind or --property" in done.stderr
     np.savetxt("points.csv", SOURCE.vertices[[3, 500]], delimiter=",")
@@ -219,7 +219,7 @@ def test_landmarks_are_carried_and_lead_a_match(folder: Path) -> None:
     page = Path("page.html").read_text("utf-8")
     assert '"label": "paw (ignored)"' in page
     assert "paw: they contradict" in page
-    done = CliRunner().invoke(app, ["match", *map(str, stones), *hints[:2]])
+    done = invoke(["match", *map(str, stones), *hints[:2]])
     assert done.exit_code == 2
     assert "--landmarks takes one .csv file" in done.stderr
 
@@ -227,7 +227,7 @@ def test_landmarks_are_carried_and_lead_a_match(folder: Path) -> None:
 def test_values_that_do_not_fit_their_kind_are_refused_before_matching(folder: Path) -> None:
     np.save("weights.npy", np.full((600, 2), 0.7))
     given = ["transfer", "a.ply", "b.ply", "--values", "weights.npy", "--kind", "weights"]
-    done = CliRunner().invoke(app, [*given, "--save-match", "match.npz", "-o", "out.csv"])
+    done = invoke([*given, "--save-match", "match.npz", "-o", "out.csv"])
     assert done.exit_code == 2
     assert "row 0 sums to 1.4" in done.stderr
     assert not Path("match.npz").exists()
@@ -255,7 +255,7 @@ def test_a_map_of_other_meshes_is_refused(folder: Path) -> None:
     Path("out.ply").unlink()
     for command in (["register"], ["transfer", "--values", "map.npy"]):
         pair = ["other.ply", "b.ply", "--map", "map.npz", "-o", "out.ply"]
-        done = CliRunner().invoke(app, [*command, *pair])
+        done = invoke([*command, *pair])
         assert done.exit_code == 2
         assert "than other.ply, or to the same with its vertices in another order" in done.stderr
         assert not Path("out.ply").exists()
@@ -303,7 +303,7 @@ def test_no_command_writes_over_what_it_reads(folder: Path, line: str) -> None:
     for name in ("hints.csv", "hints-2.csv"):
         Path(name).write_text("1,1\n")
     before = {path: path.read_bytes() for path in folder.rglob("*.*")}
-    done = CliRunner().invoke(app, line.split())
+    done = invoke(line.split())
     assert done.exit_code == 2
     assert "is one of the inputs; give another" in done.stderr
     assert {path: path.read_bytes() for path in folder.rglob("*.*")} == before

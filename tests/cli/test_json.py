@@ -3,14 +3,16 @@
 import json
 import shlex
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
 from every_command import every_command
+from sheets import make_egg
 from stones import write_pair
-from unbend.cli import app, demo
+from terminal import invoke
+from unbend.cli import demo
 from unbend.collection import Collection
 from unbend.io import read_mesh, write_mesh
 
@@ -187,13 +189,15 @@ def test_json_has_the_keys_and_types_of_the_table(
     monkeypatch.chdir(folder)
     monkeypatch.setenv("UNBEND_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setattr("unbend.app.serve", lambda paths, ready, **_: ready("http://address/"))
-    monkeypatch.setattr(demo, "_N_VERTICES", 600)
+    for name in ("make_quadruped", "make_biped"):
+        egg = SimpleNamespace(mesh=make_egg(2))
+        monkeypatch.setattr(f"unbend.datasets.{name}", lambda pose, n_vertices, egg=egg: egg)
     monkeypatch.setattr(demo, "_COMPARED", 100)
     monkeypatch.setattr(demo, "_POSES", {"dog": ("standing", "sitting"), "human": ("standing",)})
     if line.startswith("collection remove"):
         Collection(tmp_path / "store").add("a.ply", workers=0)
     words = shlex.split(line.replace("OUT", str(tmp_path)))
-    done = CliRunner().invoke(app, [*words, "--json"])
+    done = invoke([*words, "--json"])
     told = json.loads(done.stdout)
     wanted = {**SCHEMA[line], **COMMON}
     assert told.keys() == wanted.keys()
@@ -213,11 +217,11 @@ def test_notes_are_in_the_json_and_quiet_keeps_them_off_the_terminal(
 ) -> None:
     write_mesh(tmp_path / "a.stl", read_mesh(folder / "a.ply"))
     given = ["distance", str(tmp_path / "a.stl"), "--from", "0", "--no-cache", "--json"]
-    done = CliRunner().invoke(app, given)
+    done = invoke(given)
     (note,) = json.loads(done.stdout)["warnings"]
     assert "welded" in note
     assert note.startswith("a.stl: ")  # of two shapes, nobody could tell
     assert done.stderr == f"note: {note}\n"
-    quiet = CliRunner().invoke(app, [*given, "--quiet"])
+    quiet = invoke([*given, "--quiet"])
     assert json.loads(quiet.stdout)["warnings"] == [note]
     assert quiet.stderr == ""

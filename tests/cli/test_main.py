@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 
 import unbend.__main__
 from every_command import every_command
+from terminal import invoke
 from unbend import Mesh, write_mesh
 from unbend._memory import LIMIT_VARIABLE
 from unbend._text import quoted
@@ -51,14 +52,14 @@ def test_help_imports_no_numerics() -> None:
 
 def test_without_arguments_help_is_shown() -> None:
     for words in ([], ["collection"], ["cache"]):
-        assert "Commands" in CliRunner().invoke(app, words).output
+        assert "Commands" in invoke(words).output
 
 
 @pytest.mark.parametrize("words", [words for words, _ in every_command()], ids=" ".join)
 def test_every_command_shows_examples(words: tuple[str, ...]) -> None:
-    result = CliRunner().invoke(app, [*words, "--help"])
+    result = invoke([*words, "--help"])
     assert result.exit_code == 0
-    assert CliRunner().invoke(app, [*words, "-h"]).output == result.output
+    assert invoke([*words, "-h"]).output == result.output
     lines = [line.strip() for line in result.output.splitlines()]
     example = lines[lines.index("Examples:") + 1]
     assert example.split()[: len(words) + 1] == ["unbend", *words]
@@ -70,22 +71,22 @@ def test_a_memory_limit_refuses_with_both_figures(
     monkeypatch.setenv(LIMIT_VARIABLE, "1")  # what the option sets goes with the test
     write_mesh(tmp_path / "blob.off", blob)
     arguments = ["canonical", str(tmp_path / "blob.off"), "--no-cache"]
-    done = CliRunner().invoke(app, ["--memory-limit", "64", *arguments])
+    done = invoke(["--memory-limit", "64", *arguments])
     assert done.exit_code == 0
-    done = CliRunner().invoke(app, ["--memory-limit", "0.01", *arguments])
+    done = invoke(["--memory-limit", "0.01", *arguments])
     assert done.exit_code == 2
     assert "GiB of memory are free" in done.stderr
     assert done.stderr.count("\n") == 1
-    done = CliRunner().invoke(app, ["--memory-limit", "-1", *arguments])
+    done = invoke(["--memory-limit", "-1", *arguments])
     assert "must be a number of GiB above 0, not '-1.0'" in done.stderr
 
 
 def test_version() -> None:
-    assert CliRunner().invoke(app, ["--version"]).output == f"unbend {unbend.__version__}\n"
+    assert invoke(["--version"]).output == f"unbend {unbend.__version__}\n"
 
 
 def test_an_unknown_command() -> None:
-    assert CliRunner().invoke(app, ["chek"]).exit_code == 2
+    assert invoke(["chek"]).exit_code == 2
 
 
 def test_mistakes_are_one_sentence(run_command: Callable[..., object]) -> None:

@@ -1,5 +1,6 @@
 """match, evaluate, transfer and similarity as commands: one story on two poses of a dog."""
 
+import functools
 import json
 import shlex
 from dataclasses import replace
@@ -8,13 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from typer.testing import CliRunner
 
+import unbend
+from once import once
 from sheets import make_egg, make_torus
 from stones import write_stones
+from terminal import invoke
 from testshapes.damage import keep
 from unbend import morph, read_mesh, write_mesh
-from unbend.cli import app
 from unbend.cli._output import warn_if_doubtful
 from unbend.cli.match import summary
 from unbend.correspondence import read_match, write_match
@@ -23,12 +25,27 @@ from unbend.io import read_map, read_values, write_map, write_values
 from unbend.matching import Hypothesis, Match
 from unbend.report import match_colors
 
-SOURCE = make_quadruped("standing", n_vertices=800)
-TARGET = make_quadruped("walking", n_vertices=700, meshing=1)
+
+@functools.cache
+def source():
+    return make_quadruped("standing", n_vertices=600)
+
+
+@functools.cache
+def target():
+    return make_quadruped("walking", n_vertices=500, meshing=1)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _matched_once():
+    """Match two shapes with the same options once for all tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(unbend, "match", once(unbend.match))
+        yield
 
 
 def run(*arguments):
-    return CliRunner().invoke(app, [*map(str, arguments)])
+    return invoke(arguments)
 
 
 def right(*arguments):
@@ -41,12 +58,12 @@ def right(*arguments):
 def folder(tmp_path_factory) -> Path:
     """Both dogs, the truth, and their match as the command wrote it."""
     path = tmp_path_factory.mktemp("dogs")
-    write_mesh(path / "a.ply", SOURCE.mesh)
-    write_mesh(path / "b.ply", TARGET.mesh)
-    truth = rest_map(SOURCE, TARGET)
-    write_map(path / "a.vts", np.arange(800))
+    write_mesh(path / "a.ply", source().mesh)
+    write_mesh(path / "b.ply", target().mesh)
+    truth = rest_map(source(), target())
+    write_map(path / "a.vts", np.arange(600))
     write_map(path / "b.vts", truth)
-    write_map(path / "b.sym.vts", TARGET.mirror[truth])
+    write_map(path / "b.sym.vts", target().mirror[truth])
     figure = path / "match.png"
     shown = ["--figure", figure, "--report", path / "match.html"]
     shown += ["--colored", path / "a.glb", path / "b_colored.ply"]
@@ -60,7 +77,7 @@ def folder(tmp_path_factory) -> Path:
 def test_match_tells_and_writes_what_it_found(folder: Path) -> None:
     told = json.loads((folder / "match.json").read_text())
     written = read_match(folder / "ab.npz")
-    assert (told["n_matched"], told["n_source"], told["n_target"]) == (800, 800, 700)
+    assert (told["n_matched"], told["n_source"], told["n_target"]) == (600, 600, 500)
     assert told["confidence"] == written.confidence > 0.5
     assert told["confidence_bound"] == written.confidence_bound == 1
     assert told["orientation"] == written.orientation > 0
@@ -72,7 +89,7 @@ def test_match_tells_and_writes_what_it_found(folder: Path) -> None:
     assert (folder / "match.png").read_bytes().startswith(b"\x89PNG")
     page = (folder / "match.html").read_text(encoding="utf-8")
     assert f"confidence {written.confidence:.2f}" in page
-    assert "points counted</th><td>800<" in page
+    assert "points counted</th><td>600<" in page
     assert {str(folder / "a.glb"), str(folder / "b_colored.ply")} < set(told["written"])
     colors = match_colors(folder / "a.ply", folder / "b.ply", written)
     seen = trimesh.load(folder / "b_colored.ply", process=False).visual.vertex_colors
@@ -131,13 +148,13 @@ def test_match_takes_a_component(tmp_path: Path) -> None:
         assert done.exit_code == 2
         assert "there is no component 2" in done.stderr
     # What the command suggests takes the map, whose places are on the faces of that component.
-    dog = make_quadruped("walking", n_vertices=600).mesh
-    write_mesh(tmp_path / "dog.ply", dog)
-    both = np.vstack([ball.vertices + 9, dog.vertices])
-    write_mesh(tmp_path / "two.ply", (both, np.vstack([ball.faces, dog.faces + 42])))
-    given = ["match", tmp_path / "dog.ply", tmp_path / "two.ply", "--component", "largest"]
+    egg = make_egg(2)
+    write_mesh(tmp_path / "egg.ply", egg)
+    both = np.vstack([ball.vertices / 2 + 9, egg.vertices])
+    write_mesh(tmp_path / "two.ply", (both, np.vstack([ball.faces, egg.faces + 42])))
+    given = ["match", tmp_path / "egg.ply", tmp_path / "two.ply", "--component", "largest"]
     done = right(*given, "--no-refine", "-o", tmp_path / "map.npz")
-    np.save(tmp_path / "values.npy", np.arange(600) / 7)
+    np.save(tmp_path / "values.npy", np.arange(162) / 7)
     said = done.stdout.splitlines()[-1].removeprefix("next: unbend ")
     said = said.replace("VALUES", f"{tmp_path}/values").replace("OUT", f"{tmp_path}/out")
     right(*shlex.split(said))
@@ -200,7 +217,7 @@ def test_a_map_in_disorder_is_said_by_whatever_uses_it(folder: Path, tmp_path: P
     write_match(tmp_path / "poor.npz", poor)
     shapes = [folder / "a.ply", folder / "b.ply"]
     given = [*shapes, "--map", tmp_path / "poor.npz"]
-    np.save(tmp_path / "values.npy", np.arange(800.0))
+    np.save(tmp_path / "values.npy", np.arange(600.0))
     carried = right("transfer", *given, "--values", tmp_path / "values.npy", "-o",
                     tmp_path / "out.npy")  # fmt: skip
     fitted = right("register", *given, "-o", tmp_path / "fitted.ply")
@@ -208,7 +225,7 @@ def test_a_map_in_disorder_is_said_by_whatever_uses_it(folder: Path, tmp_path: P
         assert done.stderr.count("warning: part of the map is wrong") == 1
         assert "orientation +0.68, confidence at most 0.10" in done.stderr
         assert "warning: the match is doubtful (confidence 0.10)" in done.stderr
-    told = summary([SOURCE.mesh, TARGET.mesh], poor, 1.0)
+    told = summary([source().mesh, target().mesh], poor, 1.0)
     assert told["orientation"] == "84% of the surface right side out"
     assert told["confidence"] == "0.10 (limited to 0.10 by errors of the final map)"
     assert told["overlap"] == "100% of the source's area, 100% of the target's"
@@ -251,7 +268,7 @@ def test_doubt_is_said(capsys: pytest.CaptureFixture[str]) -> None:
 )
 def test_the_side_is_said(folder: Path, orientation: float, words: str) -> None:
     found = replace(read_match(folder / "ab.npz"), orientation=orientation)
-    assert summary([SOURCE.mesh, TARGET.mesh], found, 1.0)["orientation"] == words
+    assert summary([source().mesh, target().mesh], found, 1.0)["orientation"] == words
 
 
 def test_evaluate_prints_a_table_and_draws_curves(folder: Path, tmp_path: Path) -> None:
@@ -262,50 +279,51 @@ def test_evaluate_prints_a_table_and_draws_curves(folder: Path, tmp_path: Path) 
     assert lines[0].split()[:4] == ["protocol", "mean", "median", "AUC"]
     assert [line.split()[0] for line in lines[1:4]] == ["direct", "map-min", "vertex-min"]
     assert float(lines[1].split()[1]) < 0.05
-    assert lines[-2].startswith("800 rows; ")
+    assert lines[-2].startswith("600 rows; ")
     assert lines[-1] == f"written: {tmp_path / 'curves.png'}"
     assert (tmp_path / "curves.png").exists()
-    some = TARGET.mirror[rest_map(SOURCE, TARGET)]
+    some = target().mirror[rest_map(source(), target())]
     some[:300] = -1
     write_map(tmp_path / "some.vts", some)
     done = right("evaluate", *arguments, "--mirrored-truth", tmp_path / "some.vts")
-    assert done.stdout.splitlines()[-1].startswith("800 rows, 500 of them with a mirrored truth; ")
+    assert done.stdout.splitlines()[-1].startswith("600 rows, 300 of them with a mirrored truth; ")
     assert done.stdout.splitlines()[1] == lines[1]
     told = json.loads(right("evaluate", *arguments, "--json").stdout)
     assert list(told["protocols"]) == ["direct"]
-    assert told["protocols"]["direct"]["n_rows"] == told["n_rows"] == 800
+    assert told["protocols"]["direct"]["n_rows"] == told["n_rows"] == 600
     assert f"{told['protocols']['direct']['mean']:.4f}" == lines[1].split()[1]
-    write_map(tmp_path / "part.vts", np.where(np.arange(800) < 80, -1, rest_map(SOURCE, TARGET)))
+    part = np.where(np.arange(600) < 80, -1, rest_map(source(), target()))
+    write_map(tmp_path / "part.vts", part)
     every = tmp_path / "every.vts"
-    write_map(every, np.arange(800))
+    write_map(every, np.arange(600))
     done = right("evaluate", *arguments[:2], every, tmp_path / "part.vts")
     overlap = done.stdout.splitlines()[-1]
     assert overlap.startswith("overlap: ")
     assert overlap.endswith("% precision, 100.0% recall")
     # The truth itself has no error, whatever its file counts from.
     for name, base in (("t.txt", 1), ("t.vts", 0)):
-        write_map(tmp_path / name, rest_map(SOURCE, TARGET), base=base)
+        write_map(tmp_path / name, rest_map(source(), target()), base=base)
         told = right("evaluate", tmp_path / name, *arguments[1:], "--json", "--base", base).stdout
         assert json.loads(told)["protocols"]["direct"]["mean"] == 0
 
 
 def test_transfer_carries_labels_weights_and_colors(folder: Path, tmp_path: Path) -> None:
-    parts = np.array(SOURCE.parts)[SOURCE.labels]
-    write_values(tmp_path / "parts.csv", parts, SOURCE.mesh, kind="label")
-    np.save(tmp_path / "weights.npy", np.eye(len(SOURCE.parts))[SOURCE.labels])
-    np.save(tmp_path / "colors.npy", np.full((800, 3), 7, np.uint8))
+    parts = np.array(source().parts)[source().labels]
+    write_values(tmp_path / "parts.csv", parts, source().mesh, kind="label")
+    np.save(tmp_path / "weights.npy", np.eye(len(source().parts))[source().labels])
+    np.save(tmp_path / "colors.npy", np.full((600, 3), 7, np.uint8))
     given = ["transfer", folder / "a.ply", folder / "b.ply", "--map", folder / "ab.npz"]
     done = right(*given, "--values", tmp_path / "parts.csv", "-o", tmp_path / "out.csv")
-    assert done.stdout.splitlines()[0] == "carried  700 values (label)"
-    truth = np.array(TARGET.parts)[TARGET.labels]
+    assert done.stdout.splitlines()[0] == "carried  500 values (label)"
+    truth = np.array(target().parts)[target().labels]
     assert (read_values(tmp_path / "out.csv") == truth).mean() > 0.95
     options = ["--kind", "weights", "-o", tmp_path / "out.npy", "--json"]
     done = right(*given, "--values", tmp_path / "weights.npy", *options)
     told = json.loads(done.stdout)
-    assert (told["shape"], told["kind"], told["n_without_preimage"]) == ([700, 7], "weights", 0)
+    assert (told["shape"], told["kind"], told["n_without_preimage"]) == ([500, 7], "weights", 0)
     np.testing.assert_allclose(np.load(tmp_path / "out.npy").sum(axis=1), 1)
     right(*given, "--values", tmp_path / "colors.npy", "-o", tmp_path / "out.ply")
-    np.testing.assert_array_equal(read_mesh(tmp_path / "out.ply").vertices, TARGET.mesh.vertices)
+    np.testing.assert_array_equal(read_mesh(tmp_path / "out.ply").vertices, target().mesh.vertices)
     # A bare point map is turned round.
     given[-1] = folder / "b.vts"
     right(*given, "--values", tmp_path / "parts.csv", "-o", tmp_path / "turned.csv")
@@ -323,14 +341,14 @@ def test_an_unsure_match_is_told_but_not_written_and_exits_with_3(tmp_path: Path
 
 def test_transfer_writes_where_it_is_to_be_trusted(folder: Path, tmp_path: Path) -> None:
     values = tmp_path / "values.txt"
-    np.savetxt(values, np.arange(800.0))
+    np.savetxt(values, np.arange(600.0))
     given = ["transfer", folder / "a.ply", folder / "b.ply", "--values", values]
     out = ["-o", tmp_path / "out.npy", "--expected-error", tmp_path / "errors.csv"]
     told = json.loads(right(*given, "--map", folder / "ab.npz", *out, "--json").stdout)
     assert str(tmp_path / "errors.csv") in told["written"]
     errors = read_values(tmp_path / "errors.csv")
     found = read_match(folder / "ab.npz")
-    assert errors.shape == (700,)
+    assert errors.shape == (500,)
     assert (errors >= found.expected_error.min() - 1e-9).all()
     assert (errors <= found.expected_error.max() + 1e-9).all()
     write_match(tmp_path / "old.npz", replace(found, expected_error=None))
@@ -340,7 +358,7 @@ def test_transfer_writes_where_it_is_to_be_trusted(folder: Path, tmp_path: Path)
 
 
 def test_transfer_and_register_refuse_an_unsure_match(folder: Path, tmp_path: Path) -> None:
-    np.save(tmp_path / "values.npy", np.arange(800.0))
+    np.save(tmp_path / "values.npy", np.arange(600.0))
     poor = replace(read_match(folder / "ab.npz"), confidence=0.6)
     write_match(tmp_path / "map.npz", poor)
     given = [folder / "a.ply", folder / "b.ply", "--map", tmp_path / "map.npz"]
@@ -369,7 +387,7 @@ def test_transfer_takes_what_match_takes_and_keeps_the_match(
         return found
 
     monkeypatch.setattr("unbend.match", match)
-    write_values(tmp_path / "parts.txt", SOURCE.labels, SOURCE.mesh)
+    write_values(tmp_path / "parts.txt", source().labels, source().mesh)
     (tmp_path / "hints.csv").write_text("5,7\n")
     hints = ["--landmarks", tmp_path / "hints.csv", "--partial", "none"]
     saved = tmp_path / "saved.npz"
@@ -377,10 +395,10 @@ def test_transfer_takes_what_match_takes_and_keeps_the_match(
     shapes = [folder / "a.ply", folder / "b.ply"]
     done = right("transfer", *shapes, "--values", tmp_path / "parts.txt", *hints, *out, "--json")
     assert given.pop("landmarks").tolist() == [[5, 7]]
-    assert given == {"partial": "none", "barycentric": True, "shapes": [800, 700]}
+    assert given == {"partial": "none", "barycentric": True, "shapes": [600, 500]}
     told = json.loads(done.stdout)
     assert told["written"] == [str(tmp_path / "out.txt"), str(saved)]
-    assert (read_values(tmp_path / "out.txt") == TARGET.labels).mean() > 0.95
+    assert (read_values(tmp_path / "out.txt") == target().labels).mean() > 0.95
     kept = read_match(saved)
     assert kept.confidence == told["confidence"]
     assert kept.faces is not None
@@ -388,8 +406,8 @@ def test_transfer_takes_what_match_takes_and_keeps_the_match(
 
 
 def test_similarity_sorts_and_tabulates(folder: Path, tmp_path: Path) -> None:
-    write_mesh(tmp_path / "pose.ply", make_quadruped("sitting", n_vertices=800).mesh)
-    write_mesh(tmp_path / "flat.ply", (SOURCE.mesh.vertices * [1, 5, 1], SOURCE.mesh.faces))
+    write_mesh(tmp_path / "pose.ply", make_quadruped("sitting", n_vertices=600).mesh)
+    write_mesh(tmp_path / "flat.ply", (source().mesh.vertices * [1, 5, 1], source().mesh.faces))
     shapes = [folder / "a.ply", tmp_path / "flat.ply", tmp_path / "pose.ply"]
     table = tmp_path / "table.csv"
     done = right("similarity", *shapes, "--known-correspondence", "--csv", table)
@@ -412,25 +430,26 @@ def test_similarity_sorts_and_tabulates(folder: Path, tmp_path: Path) -> None:
     assert done.stdout.splitlines()[1].startswith(str(shapes[0]))
 
 
-def test_similarity_of_shapes_meshed_apart(folder: Path, tmp_path: Path) -> None:
+def test_similarity_of_shapes_meshed_apart(tmp_path: Path) -> None:
     for level in (2, 3):
         write_mesh(tmp_path / f"egg{level}.ply", make_egg(level))
-    page, shapes = tmp_path / "page.html", (tmp_path / "egg3.ply", folder / "a.ply")
+    write_mesh(tmp_path / "ring.ply", make_torus(20, 8))
+    page, shapes = tmp_path / "page.html", (tmp_path / "egg3.ply", tmp_path / "ring.ply")
     options = ("--n-components", 8, "--report", page, "--json")
     done = right("similarity", tmp_path / "egg2.ply", *shapes, *options)
     told = json.loads(done.stdout)
     assert told["warnings"]
-    assert all(one.startswith("egg2.ply to a.ply: ") for one in told["warnings"])
+    assert all(one.startswith("egg2.ply to ring.ply: ") for one in told["warnings"])
     pair, other = told["pairs"]
     assert pair["similarity"] > 0.97
     assert pair["confidence"] > 0.6 > other["confidence"]
     html = page.read_text(encoding="utf-8")
-    assert "a.ply (doubtful match)" in html
+    assert "ring.ply (doubtful match)" in html
     assert "egg3.ply (doubtful match)" not in html
     done = right("similarity", tmp_path / "egg2.ply", *shapes, *options[:-1], "--matrix")
     html = page.read_text(encoding="utf-8")
     for name in ("egg2.ply", "egg3.ply"):
-        told = "doubtful match to a.ply, confidence 0."
+        told = "doubtful match to ring.ply, confidence 0."
         assert f"note: {name}: {told}" in done.stderr
         assert told in html
     assert "doubtful match to egg3.ply" not in done.stderr + html
@@ -459,10 +478,10 @@ def test_similarity_of_shapes_meshed_apart(folder: Path, tmp_path: Path) -> None
         ("match a.ply b.ply --n-matches 0", "n_matches must be a whole number of at least 1"),
         ("match a.ply b.ply --component x", "--component must be"),
         ("match points.xyz b.ply -o new.npz --report r.html", "points.xyz: 4 points"),
-        ("evaluate b.vts b.ply a.vts a.vts", "row 700 is"),
+        ("evaluate b.vts b.ply a.vts a.vts", "row 500 is"),
         (
             "evaluate b.vts b.ply long.vts b.vts",
-            "long.vts: row 799 is 801, but counted from 1 vertices are 1 to 800",
+            "long.vts: row 599 is 601, but counted from 1 vertices are 1 to 600",
         ),
         (
             "evaluate b.vts b.ply none.txt b.vts",
@@ -481,11 +500,11 @@ def test_similarity_of_shapes_meshed_apart(folder: Path, tmp_path: Path) -> None
             "--base is for tables, and ab.npz is a .npz match",
         ),
         (
-            "transfer a.ply b.ply --values other800.txt -o out.csv --map ab.npz --partial none",
+            "transfer a.ply b.ply --values other600.txt -o out.csv --map ab.npz --partial none",
             "--landmarks, --partial and --save-match are for matching",
         ),
         (
-            "transfer a.ply b.ply --values other800.txt -o out.csv --map b.vts "
+            "transfer a.ply b.ply --values other600.txt -o out.csv --map b.vts "
             "--min-confidence 0.5",
             "--min-confidence needs a .npz match, and b.vts is none",
         ),
@@ -496,11 +515,11 @@ def test_similarity_of_shapes_meshed_apart(folder: Path, tmp_path: Path) -> None
         ("transfer a.ply b.ply --values few.txt -o out.csv", "few.txt: holds 2 rows"),
         ("transfer a.ply b.ply --values words.txt -o out.ply", "cannot hold text"),
         ("transfer a.ply b.ply --values words.txt --kind scalar -o o.csv --map b.vts", "averaged"),
-        ("transfer b.ply a.ply --values other.txt -o out.csv --map ab.npz", "a mesh of 800 v"),
+        ("transfer b.ply a.ply --values other.txt -o out.csv --map ab.npz", "a mesh of 600 v"),
         ("similarity a.ply b.ply --figure heat.png", "add --matrix"),
         (
             "similarity a.ply b.ply --known-correspondence",
-            "a.ply and b.ply have 800 and 700 vertices",
+            "a.ply and b.ply have 600 and 500 vertices",
         ),
         ("similarity a.ply b.ply --csv table.txt", 'unknown suffix ".txt"'),
         ("similarity a.ply b.ply --report page.pdf", 'unknown suffix ".pdf"'),
@@ -510,13 +529,13 @@ def test_mistakes_get_one_sentence_and_write_nothing(
     folder: Path, monkeypatch: pytest.MonkeyPatch, arguments: str, message: str
 ) -> None:
     monkeypatch.chdir(folder)
-    write_map("long.vts", np.append(np.arange(799), 800))
-    write_map("none.txt", [0, -1] * 400)
+    write_map("long.vts", np.append(np.arange(599), 600))
+    write_map("none.txt", [0, -1] * 300)
     Path("few.txt").write_text("1\n2\n")
     Path("points.xyz").write_text("0 0 0\n1 0 0\n0 1 0\n0 0 1\n")
-    Path("words.txt").write_text("a\n" * 800)
-    Path("other.txt").write_text("1\n" * 700)
-    Path("other800.txt").write_text("1\n" * 800)
+    Path("words.txt").write_text("a\n" * 600)
+    Path("other.txt").write_text("1\n" * 500)
+    Path("other600.txt").write_text("1\n" * 600)
     before = sorted(folder.iterdir())
     done = run(*arguments.split())
     assert done.exit_code == 2, done.output
@@ -552,8 +571,8 @@ def test_morph_writes_the_shapes_between(folder: Path) -> None:
     found = read_match(folder / "ab.npz")
     for name, t in (("half", 1 / 2), ("frame-01", 1 / 11), ("frame-10", 10 / 11)):
         between = read_mesh(folder / f"{name}.off")
-        expected = morph(SOURCE.mesh, TARGET.mesh, found, t)
+        expected = morph(source().mesh, target().mesh, found, t)
         np.testing.assert_allclose(between.vertices, expected.vertices, atol=1e-6)
-        np.testing.assert_array_equal(between.faces, SOURCE.mesh.faces)
+        np.testing.assert_array_equal(between.faces, source().mesh.faces)
     done = right(*given, "-o", folder / "half.vtp")
     assert done.stdout.endswith(" in ParaView\n")

@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import Any, get_type_hints
 
 import pytest
-from typer.testing import CliRunner
 
 import unbend
 from every_command import every_command
 from once import once
 from stones import write_pair
-from unbend.cli import app
+from terminal import invoke
 from unbend.cli._options import written
 
 # Options that take text: what each writes, and those that are read or are no files.
@@ -127,7 +126,7 @@ def test_each_output_is_written_and_named(
 ) -> None:
     monkeypatch.chdir(given)
     arguments, files = with_outputs(line, chosen, tmp_path)
-    done = CliRunner().invoke(app, arguments)
+    done = invoke(arguments)
     assert done.exit_code == 0, done.output
     for path in files:
         assert path in done.stdout, f"{path} is not named"
@@ -140,7 +139,7 @@ def test_all_outputs_together_are_written_and_named_in_the_json(
 ) -> None:
     monkeypatch.chdir(given)
     arguments, files = with_outputs(line, chosen, tmp_path)
-    told = json.loads(CliRunner().invoke(app, [*arguments, "--json"]).stdout)
+    told = json.loads(invoke([*arguments, "--json"]).stdout)
     assert sorted(told["written"]) == sorted(files)
     for path in files:
         assert Path(path).is_dir() or Path(path).stat().st_size > 0, path

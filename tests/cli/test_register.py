@@ -1,38 +1,45 @@
 """``unbend register``: a template onto a torn scan, in files."""
 
+import functools
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
-from typer.testing import CliRunner
 
 from sheets import make_egg
 from stones import write_stones
+from terminal import invoke
 from testshapes.damage import cut_discs, damaged_truth, keep
-from unbend import read_mesh, write_mesh
-from unbend.cli import app
+from unbend import Mesh, read_mesh, write_mesh
 from unbend.correspondence import read_match, write_match
 from unbend.datasets import make_quadruped, rest_map
 from unbend.io import write_map
 from unbend.matching import Match
 
-TEMPLATE = make_quadruped("standing", n_vertices=600)
-SCAN = make_quadruped("walking", n_vertices=500, meshing=1)
+
+@functools.cache
+def template():
+    return make_quadruped("standing", n_vertices=600)
+
+
+@functools.cache
+def scan():
+    return make_quadruped("walking", n_vertices=500, meshing=1)
 
 
 def run(*arguments):
-    return CliRunner().invoke(app, [*map(str, arguments)])
+    return invoke(arguments)
 
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    torn = cut_discs(SCAN.mesh, 0.1, random_state=1)
-    write_mesh(tmp_path / "template.ply", TEMPLATE.mesh)
+    torn = cut_discs(scan().mesh, 0.1, random_state=1)
+    write_mesh(tmp_path / "template.ply", template().mesh)
     write_mesh(tmp_path / "scan.ply", torn.mesh)
-    write_mesh(tmp_path / "points.xyz", TEMPLATE.mesh.vertices)
-    write_map(tmp_path / "map.npy", damaged_truth(rest_map(TEMPLATE, SCAN), target=torn))
+    write_mesh(tmp_path / "points.xyz", template().mesh.vertices)
+    write_map(tmp_path / "map.npy", damaged_truth(rest_map(template(), scan()), target=torn))
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -48,7 +55,7 @@ def test_it_tells_and_writes_what_came_out(folder: Path) -> None:
     assert told["distance_covered"]["within_95"] < 0.1 * told["tolerance"]
     assert told["distance_all"]["mean"] > told["distance_covered"]["mean"]
     written = read_mesh("out.ply")
-    np.testing.assert_array_equal(written.faces, TEMPLATE.mesh.faces)
+    np.testing.assert_array_equal(written.faces, template().mesh.faces)
     header = (folder / "out.ply").read_bytes()[:400]
     assert b"property double distance\nproperty uchar red" in header
     rows = run(*given, "--report", "page.html").stdout.splitlines()
@@ -69,18 +76,27 @@ def test_it_tells_and_writes_what_came_out(folder: Path) -> None:
     assert " together in ParaView; its colours" in run(*given).stdout
 
 
-def test_it_matches_where_no_map_is_given(folder: Path) -> None:
+def test_it_matches_where_no_map_is_given(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     egg = make_egg(2)
     torn = keep(egg, egg.vertices[:, 1] > np.quantile(egg.vertices[:, 1], 0.2))
     write_mesh("egg.ply", egg)
     write_mesh("torn.ply", torn.mesh)
-    assert torn.image[50] >= 0
-    Path("hints.csv").write_text(f"50,{torn.image[50]}\n")
+    Path("hints.csv").write_text("50,7\n")
+    asked: list = []
+
+    def match(source: Mesh, target: Mesh, *, progress: object, **options: object) -> Match:
+        asked.append((source.n_vertices, target.n_vertices, options))
+        return Match(torn.image, np.flatnonzero(torn.image >= 0), np.eye(2), 1.0, 0.1, 0.9)
+
+    monkeypatch.setattr("unbend.match", match)
     given = ["register", "egg.ply", "torn.ply", "--landmarks", "hints.csv"]
     done = run(*given, "--partial", "target", "--save-match", "saved.npz", "-o", "out.glb")
     assert done.exit_code == 0, done.output
-    assert len(read_match("saved.npz").source_to_target) == 162
-    assert "of the match" in done.stdout
+    ((n, n_torn, options),) = asked
+    assert (n, n_torn, options["partial"]) == (162, torn.mesh.n_vertices, "target")
+    np.testing.assert_array_equal(options["landmarks"], [[50, 7]])
+    np.testing.assert_array_equal(read_match("saved.npz").source_to_target, torn.image)
+    assert "confidence       0.90, of the match" in done.stdout
     (fitted,) = trimesh.load("out.glb").geometry.values()
     lightest = fitted.visual.vertex_attributes["color"][:, 1].max()
     assert 0 < (fitted.visual.vertex_attributes["color"][:, 1] == lightest).mean() < 0.3

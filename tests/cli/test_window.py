@@ -8,9 +8,8 @@ import urllib.request
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from unbend.cli import app
+from terminal import invoke
 
 
 @pytest.mark.parametrize(
@@ -22,7 +21,7 @@ from unbend.cli import app
     ],
 )
 def test_what_is_not_there_is_told_before_anything_opens(words, told) -> None:
-    done = CliRunner().invoke(app, ["app", *words])
+    done = invoke(["app", *words])
     assert done.exit_code == 2
     assert told in done.stderr
 
@@ -34,14 +33,14 @@ def test_a_port_that_is_taken_is_told() -> None:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        done = CliRunner().invoke(app, ["app", "--port", str(port)])
+        done = invoke(["app", "--port", str(port)])
     assert done.exit_code == 2
     assert f"port {port} is in use, or not allowed" in done.stderr
 
 
 def test_without_the_extra_it_is_named(monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "uvicorn", None)
-    done = CliRunner().invoke(app, ["app"])
+    done = invoke(["app"])
     assert done.exit_code == 2
     assert "uvicorn is needed for this: pip install uvicorn starlette" in done.stderr
 

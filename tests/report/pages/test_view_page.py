@@ -6,10 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
+from terminal import invoke
 from unbend import Mesh
-from unbend.cli import app
 from unbend.errors import FileError, InputError, MeshError
 from unbend.io import _markups, write_markups, write_mesh
 from unbend.report import view
@@ -98,9 +97,8 @@ def test_the_command_writes_and_opens_a_page(
     write_mesh("b.ply", blob)
     Path("pairs.csv").write_text("source,target\n3,4\n", "utf-8")
     np.save("values.npy", np.arange(642.0))
-    run = CliRunner().invoke
     arguments = ["view", "a.ply", "b.ply", "--landmarks", "pairs.csv", "--values", "values.npy"]
-    result = run(app, [*arguments, "-o", "page.html", "--no-open"])
+    result = invoke([*arguments, "-o", "page.html", "--no-open"])
     assert result.exit_code == 0
     assert "written: page.html" in result.stdout
     assert "unbend match a.ply b.ply --landmarks landmarks.csv" in result.stdout
@@ -110,26 +108,26 @@ def test_the_command_writes_and_opens_a_page(
     assert not opened
     write_mesh("two.ply", blob, scalars={"heat": np.arange(642.0), "cold": np.arange(3.0, 645)})
     line = ["view", "a.ply", "--values", "two.ply", "-o", "page.html", "--no-open"]
-    assert run(app, [*line, "--property", "cold"]).exit_code == 0
+    assert invoke([*line, "--property", "cold"]).exit_code == 0
     assert "value: 3 to 644" in Path("page.html").read_text("utf-8")
-    assert "name one of them with --property" in run(app, line).output
-    assert run(app, ["view", "a.ply", "--property", "cold"]).exit_code == 2
-    assert run(app, ["view", "a.ply", "-o", "one.html"]).exit_code == 0
+    assert "name one of them with --property" in invoke(line).output
+    assert invoke(["view", "a.ply", "--property", "cold"]).exit_code == 2
+    assert invoke(["view", "a.ply", "-o", "one.html"]).exit_code == 0
     assert opened == [Path("one.html").resolve().as_uri()]
     write_markups("nose.mrk.json", blob, [7], ["nose"])
-    result = run(app, ["view", "a.ply", "--landmarks", "nose.mrk.json", "-o", "n.html"])
+    result = invoke(["view", "a.ply", "--landmarks", "nose.mrk.json", "-o", "n.html"])
     assert '"landmarks": [{"name": "nose", "at": [7]}]' in Path("n.html").read_text("utf-8")
     write_markups("a.mrk.json", blob, [7, 5], ["2", "1"])
     write_markups("b.mrk.json", blob, [8, 9], ["1", "2"])
     hints = ["--landmarks", "a.mrk.json", "--landmarks", "b.mrk.json"]
-    result = run(app, ["view", "a.ply", "b.ply", *hints, "-o", "ab.html"])
+    result = invoke(["view", "a.ply", "b.ply", *hints, "-o", "ab.html"])
     named = '"landmarks": [{"name": "2", "at": [7, 9]}, {"name": "1", "at": [5, 8]}]'
     assert named in Path("ab.html").read_text("utf-8")
     write_markups("twice.mrk.json", blob, [7, 8], ["nose", "nose"])
     for refused in ("pairs.csv", "twice.mrk.json"):
-        result = run(app, ["view", "a.ply", "--landmarks", refused, "-o", "refused.html"])
+        result = invoke(["view", "a.ply", "--landmarks", refused, "-o", "refused.html"])
         assert result.exit_code == 2
         assert not Path("refused.html").exists()
-    result = run(app, ["view", "a.ply", "--no-open"])
+    result = invoke(["view", "a.ply", "--no-open"])
     assert result.exit_code == 2
     assert "-o" in str(result.exception) + result.output
