@@ -12,14 +12,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import typer
-from typer.testing import CliRunner
 
 import unbend
-from unbend import write_mesh
-from unbend.cli import app
+from once import once
+from sheets import make_egg
+from terminal import command_line, invoke
+from unbend import Mesh, write_mesh
 from unbend.collection import _collection, _engine
-from unbend.datasets import make_biped, make_quadruped
 from unbend.io import write_markups
 
 ROOT = Path(__file__).parents[1]
@@ -40,23 +39,31 @@ def blocks(page, language):
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """A folder with the files that the pages speak of, as the current one."""
-    dogs = {"dog": "standing", "scans/first": "walking", "models/a/second": "sitting"}
-    for name, pose in dogs.items():
-        path = tmp_path / f"{name}{'.obj' if 'models' in name else '.ply'}"
+    egg = make_egg(2)
+    for i, name in enumerate(("dog.ply", "scans/first.ply", "models/a/second.obj")):
+        path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_mesh(path, make_quadruped(pose, n_vertices=500).mesh)
+        write_mesh(path, (egg.vertices * [1, 1, 1 + 0.1 * i], egg.faces))
     for i, name in enumerate(("template", "anna", "ben", "eve", "left")):
-        body = make_biped("standing", n_vertices=500, girth=1 + 0.1 * i)
-        write_mesh(tmp_path / f"{name}.ply", body.mesh)
-        ends = body.mesh.vertices.argmax(axis=0)[:2]
-        write_markups(tmp_path / f"{name}.mrk.json", body.mesh, ends, ["left hand", "head"])
-    write_mesh(tmp_path / "scan.glb", body.mesh, uvs=body.mesh.vertices[:, :2])
-    np.save(tmp_path / "thickness.npy", np.ones(500))
+        body = Mesh(egg.vertices * [1, 1 + 0.1 * i, 1], egg.faces)
+        write_mesh(tmp_path / f"{name}.ply", body)
+        ends = body.vertices.argmax(axis=0)[:2]
+        write_markups(tmp_path / f"{name}.mrk.json", body, ends, ["left hand", "head"])
+    write_mesh(tmp_path / "scan.glb", body, uvs=body.vertices[:, :2])
+    np.save(tmp_path / "thickness.npy", np.ones(egg.n_vertices))
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
 WITH_CODE = [one for one in PAGES if blocks(one, "python") and one.stem != "first-steps"]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _matched_once():
+    """Match two shapes with the same options once for all pages."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(unbend, "match", once(unbend.match))
+        yield
 
 
 @pytest.fixture
@@ -80,15 +87,18 @@ def test_python_on_a_page_runs_from_top_to_bottom(page, folder, here):
     "page", [ROOT / "README.md", DOCS / "first-steps.md"], ids=lambda one: one.stem
 )
 def test_code_and_commands_on_a_page_run_in_their_order(page, here, tmp_path, monkeypatch):
+    """On smaller shapes than are spoken of, which is faster."""
     monkeypatch.chdir(tmp_path)
     known = {}
-    for kind, code in BLOCK.findall(page.read_text("utf-8")):
+    text = re.sub(r"n_vertices=1\d00", "n_vertices=500", page.read_text("utf-8"))
+    assert text.count("n_vertices=500") == 2
+    for kind, code in BLOCK.findall(text):
         if kind == "python":
             with contextlib.redirect_stdout(io.StringIO()):
                 exec(code, known)
         else:
             for words in commands_in(f"```sh\n{code}```"):
-                done = CliRunner().invoke(app, words[1:])
+                done = invoke(words[1:])
                 assert done.exit_code == 0, done.output
     assert (tmp_path / "match.html").exists()
 
@@ -104,7 +114,7 @@ def commands_in(text):
 
 def check_command(words):
     """Let the command line read the words, and do nothing; patterns stand for two files."""
-    command, name = typer.main.get_command(app), "unbend"
+    command, name = command_line(), "unbend"
     words = [one for word in words[1:] for one in [word] * (1 + ("*" in word))]
     while hasattr(command, "commands"):
         assert words, f"{name} needs a command"
