@@ -9,10 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from sheets import make_torus
 from unbend import write_mesh
 from unbend.app import _server, serve
 from unbend.collection import Collection
-from unbend.datasets import make_octopus, make_quadruped
+from unbend.datasets import make_quadruped
 
 
 class App:
@@ -76,9 +77,9 @@ def temporary(tmp_path_factory: pytest.TempPathFactory):
 
 @pytest.fixture(scope="session")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Collection:
-    """A collection of an octopus and two dogs, only to be read."""
+    """A collection of a ring and two dogs, only to be read."""
     folder = tmp_path_factory.mktemp("collection")
-    write_mesh(folder / "octopus.ply", make_octopus(n_vertices=600).mesh)
+    write_mesh(folder / "ring.ply", make_torus(30, 20))
     for pose in ("standing", "galloping"):
         write_mesh(folder / f"dog-{pose}.ply", make_quadruped(pose, n_vertices=600).mesh)
     found = Collection(folder / "store")

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from browser import Browser, start_browser
+from sheets import make_egg
 from unbend import read_match, write_mesh
 from unbend.datasets import make_quadruped
 
@@ -44,6 +45,15 @@ def dogs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
         paths.append(folder / f"{pose}.ply")
         write_mesh(paths[-1], make_quadruped(pose, n_vertices=600).mesh)
     return paths
+
+
+@pytest.fixture(scope="module")
+def eggs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """What is matched sooner."""
+    folder, egg = tmp_path_factory.mktemp("eggs"), make_egg(2)
+    for name, height in (("small", 1), ("tall", 1.1)):
+        write_mesh(folder / f"{name}.ply", (egg.vertices * [1, height, 1], egg.faces))
+    return sorted(folder.iterdir())
 
 
 def press(page: Browser, text: str) -> None:
@@ -276,8 +286,8 @@ def test_landmarks_outlast_their_tab_and_are_its_own_and_work_is_cancelled(page,
     assert page.run(f"{last}[0]") == theirs
 
 
-def test_what_is_ready_after_a_reload_or_during_one_is_shown(page, app, dogs):
-    page.choose_file("#choose", *dogs)
+def test_what_is_ready_after_a_reload_or_during_one_is_shown(page, app, eggs):
+    page.choose_file("#choose", *eggs)
     page.wait_for(GOOD.format(2))
     press(page, "Landmarks, distances")
     page.wait_for("state.results.length === 1")

@@ -225,7 +225,7 @@ def test_a_collection_is_put_into_groups(store, tmp_path) -> None:
     found = done(tmp_path, "groups", [], store=store.path)
     rows = Path(file_of(found, "groups.csv")).read_text("utf-8").splitlines()
     group = {Path(path).name: number for path, number in (row.rsplit(",", 1) for row in rows)}
-    assert group["dog-galloping.ply"] == group["dog-standing.ply"] != group["octopus.ply"]
+    assert group["dog-galloping.ply"] == group["dog-standing.ply"] != group["ring.ply"]
     assert "3 shapes in 2 groups" in page_of(found)
 
 

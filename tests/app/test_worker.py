@@ -6,8 +6,10 @@ import threading
 
 import pytest
 
+from unbend import write_mesh
 from unbend.app import _worker
 from unbend.app._worker import Worker
+from unbend.datasets import make_sphere
 from unbend.errors import warn
 
 GIB = 2**30
@@ -41,8 +43,10 @@ def test_a_cancelled_job_ends_and_the_next_one_runs(worker, tmp_path) -> None:
     before = worker._process.pid
     assert run_until(worker, tmp_path / "a", worker.cancel) == {}
     assert worker._process.pid != before
-    found = worker.run(sample(tmp_path / "b"), lambda *_: None)
-    assert len(found["samples"]) == 2
+    write_mesh(tmp_path / "ball.ply", make_sphere(1))
+    job = {"do": "look", "folder": str(tmp_path / "b"), "up": "y"}
+    found = worker.run(job | {"shapes": [[str(tmp_path / "ball.ply"), "b"]]}, lambda *_: None)
+    assert found["usable"]
     assert found["warnings"] == []
 
 
