@@ -92,7 +92,7 @@ def test_one_cut_off_anywhere_is_never_read_as_another(tmp_path: Path) -> None:
     path = tmp_path / "a.vtk"
     for binary, new in ((False, False), (True, True)):
         data = a_file(binary, new)
-        for end in range(data.index(b"POINTS"), len(data) - 1):
+        for end in range(data.index(b"POINTS"), len(data) - 1, 3):
             path.write_bytes(data[:end])
             try:
                 mesh = read_mesh(path)
