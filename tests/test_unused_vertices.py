@@ -117,7 +117,8 @@ def registration(case: Case) -> Iterator[Any]:
 
 
 def mean(case: Case) -> Iterator[Any]:
-    shapes = [unbend.register(case.mesh, other) for other in case.others]
+    one, other = case.others
+    shapes = [unbend.register(case.mesh, one), unbend.register(case.mesh, other, case.same)]
     found = unbend.collection.mean_shape(shapes, case.mesh)
     yield from (case.rows(found.mean.vertices), found.statistics.variances, found.confidences)
     yield case.rows(found.statistics.variability)
