@@ -1,6 +1,6 @@
 """The gallery: every script compiles, and those that take little run. ``make docs`` runs all."""
 
-import runpy
+import re
 import warnings
 from importlib.util import find_spec
 from pathlib import Path
@@ -25,6 +25,11 @@ def test_a_script_compiles_and_says_what_it_is_for(script):
     assert "# %%" in text
 
 
+def _fewer(given):
+    """Fewer vertices than pictures need."""
+    return "n_vertices=600" if given[0].startswith("n") else "make_sphere(3)"
+
+
 @pytest.mark.parametrize("name", CHEAP)
 def test_a_script_runs(name, tmp_path, monkeypatch):
     plt = pytest.importorskip("matplotlib.pyplot")
@@ -33,7 +38,9 @@ def test_a_script_runs(name, tmp_path, monkeypatch):
         warnings.simplefilter("error")
         plt.switch_backend("agg")
         try:
-            runpy.run_path(str(FOLDER / f"plot_{name}.py"))
+            text = (FOLDER / f"plot_{name}.py").read_text(encoding="utf-8")
+            text = re.sub(r"n_vertices=\d+|make_sphere\(4\)", _fewer, text)
+            exec(compile(text, name, "exec"), {"__name__": "__main__"})
             assert plt.get_fignums()
         finally:
             plt.close("all")
