@@ -216,10 +216,10 @@ def test_it_runs_as_a_script_and_as_a_module() -> None:
     script = shutil.which("unbend", path=Path(sys.executable).parent)
     done = subprocess.run([script, "--version"], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, f"unbend {unbend.__version__}\n")
-    module = [sys.executable, "-m", "unbend"]
-    refused = subprocess.run([*module, "check", "none.off"], capture_output=True, text=True)
+    module = [sys.executable, "-m", "unbend", "collection", "none"]
+    refused = subprocess.run(module, capture_output=True, text=True)
     assert (refused.returncode, refused.stdout) == (2, "")
-    assert refused.stderr == "error: cannot read none.off: there is no such file\n"
+    assert "No such command 'none'" in refused.stderr
 
 
 def test_shells_can_complete_commands_and_options(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from unbend.datasets import make_octopus, make_sphere
+from unbend.datasets import make_sphere
 from unbend.errors import FileError, InputError, MeshError, MissingExtraError
 from unbend.mesh import Mesh
 from unbend.report import pattern_colors
@@ -78,14 +78,13 @@ def test_views_are_rotations_and_look_from_where_they_say():
     np.testing.assert_allclose(towards_viewer["top"], [0, 1, 0], atol=1e-12)
 
 
-def test_draw_mesh_takes_no_scalar_and_rgb_colors():
-    shape = make_octopus(n_vertices=600)
-    height = shape.rest[:, 1].copy()
+def test_draw_mesh_takes_no_scalar_and_rgb_colors(blob):
+    height = blob.vertices[:, 1].copy()
     height[0] = np.nan
     seen = []
-    for colors in (None, height, position_colors(shape.rest)):
+    for colors in (None, height, position_colors(blob.vertices)):
         ax = new_figure(1, 1, dpi=80).add_subplot()
-        draw_mesh(ax, shape.mesh, colors=colors)
+        draw_mesh(ax, blob, colors=colors)
         assert ax.get_aspect() == 1
         assert np.isfinite(pixels(ax)).all()
         seen.append(pixels(ax)[..., :3])
@@ -100,8 +99,8 @@ def test_unreferenced_nan_vertices_are_no_trouble():
     assert pixels(ax)[..., 3].mean() > 0.8
 
 
-def test_position_colors_tell_points_apart():
-    colors = position_colors(make_octopus(n_vertices=600).rest)
+def test_position_colors_tell_points_apart(blob):
+    colors = position_colors(blob.vertices)
     assert 0 <= colors.min() < colors.max() <= 1
     assert len(np.unique(colors.round(6), axis=0)) == len(colors)
 
@@ -139,18 +138,19 @@ def test_position_colors_are_those_of_the_pages():
     assert colors[3].sum() > colors[0].sum()
 
 
-def test_canonical_forms_figure(tmp_path):
-    shapes = [make_octopus(pose, n_vertices=600) for pose in ("crawling", "curled")]
-    columns = [(f"pose {i}", s.mesh, s.rest) for i, s in enumerate(shapes)]
+def test_canonical_forms_figure(blob, tmp_path):
+    form = blob.vertices
+    bent = Mesh(form + 0.1 * form[:, [1]] ** 2, blob.faces)
+    columns = [(f"pose {i}", one, form) for i, one in enumerate((blob, bent))]
     path = tmp_path / "figure.png"
     draw_canonical_forms(columns, path)
     assert path.read_bytes().startswith(b"\x89PNG")
     assert [p.name for p in tmp_path.iterdir()] == ["figure.png"]
-    with pytest.raises(InputError, match="600 vertices"):
-        draw_canonical_forms([("a", shapes[0].mesh, shapes[0].rest[:9])], path)
+    with pytest.raises(InputError, match="642 vertices"):
+        draw_canonical_forms([("a", blob, form[:9])], path)
     with pytest.raises(InputError, match="for all columns or for none"):
-        draw_canonical_forms([(*columns[0], None, shapes[0].rest), columns[1]], path)
-    detailed = [(*column, None, shapes[0].rest) for column in columns]
+        draw_canonical_forms([(*columns[0], None, form), columns[1]], path)
+    detailed = [(*column, None, form) for column in columns]
     draw_canonical_forms(detailed, tmp_path / "three.png")
     rows = [imread(one).shape[0] for one in (path, tmp_path / "three.png")]
     assert rows[1] > 1.4 * rows[0]

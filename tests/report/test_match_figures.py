@@ -1,5 +1,7 @@
 """Pictures of matches and comparisons are written whole, and what does not fit is refused."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -99,7 +101,10 @@ def test_partners_have_one_colour_and_others_are_grey(blob: Mesh) -> None:
     assert (ours[~there] == 153).all()
 
 
-def test_drawing_does_not_warn_of_a_map_in_disorder(blob: Mesh, tmp_path) -> None:
+def test_drawing_does_not_warn_of_a_map_in_disorder(
+    blob: Mesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(new_figure.__kwdefaults__, "dpi", 30)
     every = np.arange(642)
     wrong = Match(every, every, np.eye(3), 1.0, 0.0, 0.2, confidence_bound=0.3)
     with pytest.warns(UnbendWarning, match="part of the map is wrong"):

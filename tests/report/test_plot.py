@@ -9,6 +9,13 @@ import pytest
 from unbend import Mesh, canonical_form, evaluate, match, plot
 from unbend.errors import InputError
 from unbend.matching import Hypothesis
+from unbend.report import new_figure
+
+
+@pytest.fixture(autouse=True)
+def _small(monkeypatch):
+    """Draw with few pixels: their looks are tested elsewhere."""
+    monkeypatch.setitem(new_figure.__kwdefaults__, "dpi", 30)
 
 
 @pytest.fixture(scope="module")

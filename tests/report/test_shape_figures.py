@@ -9,8 +9,14 @@ from unbend import Mesh, canonical_form
 from unbend.canonical import CanonicalForm
 from unbend.datasets import make_sphere
 from unbend.errors import FileError, InputError
-from unbend.report import shape_figures
+from unbend.report import new_figure, shape_figures
 from unbend.report.shape_figures import draw_form, draw_variation, turned_to_fit
+
+
+@pytest.fixture(autouse=True)
+def _small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw with few pixels."""
+    monkeypatch.setitem(new_figure.__kwdefaults__, "dpi", 60)
 
 
 @pytest.fixture(scope="module")

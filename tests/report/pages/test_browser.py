@@ -268,9 +268,8 @@ def test_colours_by_error_and_in_the_dark(browser, match_html, screenshots) -> N
     assert np.median(page) < 0.2
 
 
-@pytest.mark.parametrize("html", ["match_html", "form_html"])
-def test_no_page_is_wider_than_a_small_telephone(browser, html, request) -> None:
-    browser.open(request.getfixturevalue(html))
+def test_no_page_is_wider_than_a_small_telephone(browser, form_html) -> None:
+    browser.open(form_html)
     browser.resize(320, mobile=True)
     wide = browser.run("document.documentElement.scrollWidth")
     browser.resize()

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from browser import Browser, changed, drawn
+from sheets import make_egg, make_torus
 from unbend import Mesh
-from unbend.datasets import make_quadruped
 from unbend.report import search_page, similarity_page
 
 NAMES = ("dog", "dog <script>alert('x')</script>", "giraffe", "horse", "points")
@@ -26,12 +26,10 @@ READOUT = "part('readout').textContent"
 
 @pytest.fixture(scope="module")
 def animals() -> list[Mesh]:
-    kinds = [("standing", "dog"), ("galloping", "dog"), ("standing", "giraffe")]
-    made = [
-        make_quadruped(pose, species=species, n_vertices=700).mesh
-        for pose, species in [*kinds, ("standing", "horse")]
-    ]
-    made.append(Mesh(made[0].vertices))
+    egg = make_egg(3)
+    wide = Mesh(egg.vertices * [1.5, 1, 1], egg.faces)
+    made = [egg, Mesh(egg.vertices * [1, 1.1, 1], egg.faces), make_torus(30, 20), wide]
+    made.append(Mesh(egg.vertices))
     return [Mesh(one.vertices, one.faces, name=n) for one, n in zip(made, NAMES, strict=True)]
 
 
