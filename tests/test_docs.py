@@ -4,6 +4,7 @@
 """
 
 import contextlib
+import functools
 import inspect
 import io
 import re
@@ -14,12 +15,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import typer.main
 
 import unbend
 from once import once
 from sheets import make_egg
-from terminal import command_line, invoke
+from terminal import invoke
 from unbend import Mesh, write_mesh
+from unbend.cli import app
 from unbend.collection import _collection, _engine
 from unbend.datasets import make_quadruped
 from unbend.io import write_markups
@@ -120,9 +123,15 @@ def commands_in(text):
             yield shlex.split(line, comments=True)
 
 
+@functools.cache
+def never_run():
+    """Commands of their own: those that are read without their group lose its option -h."""
+    return typer.main.get_command(app)
+
+
 def check_command(words):
     """Let the command line read the words, and do nothing; patterns stand for two files."""
-    command, name = command_line(), "unbend"
+    command, name = never_run(), "unbend"
     words = [one for word in words[1:] for one in [word] * (1 + ("*" in word))]
     while hasattr(command, "commands"):
         assert words, f"{name} needs a command"
