@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+from sheets import make_blob
 from unbend import Mesh
 from unbend.datasets import make_sphere
 from unbend.report import new_figure
@@ -79,12 +80,7 @@ def screenshots(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def blob() -> Mesh:
     """A closed surface of 642 vertices without symmetry: a sphere with three limbs."""
-    sphere = make_sphere(3)
-    points = sphere.vertices.copy()
-    for direction, length in (((1, 0.2, 0), 2.0), ((0, 1, 0.3), 1.2), ((-0.5, -0.4, 1), 0.7)):
-        limb = np.array(direction) / np.linalg.norm(direction)
-        points += length * np.exp(-6 * (1 - sphere.vertices @ limb))[:, None] * limb
-    return Mesh(points, sphere.faces, name="blob")
+    return make_blob(3)
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""A flat square, a torus, a lopsided egg and a ball with a twist, of which all is known."""
+"""A flat square, a torus, a lopsided egg, a blob and a ball with a twist, of which all is known."""
 
 import numpy as np
 
@@ -41,6 +41,20 @@ def lopsided(points: np.ndarray) -> np.ndarray:
     """Move points of the unit ball to those of the egg."""
     x, y, z = points.T
     return np.stack([x * (1.3 + 0.4 * y + 0.2 * z), y, 0.7 * z + 0.2 * y**2], axis=1)
+
+
+def make_blob(level: int, bend: float = 0.0) -> Mesh:
+    """Make a ball with three limbs and without symmetry; limbs may be bent.
+
+    Vertices of a coarser one are first.
+    """
+    ball = make_sphere(level)
+    points = ball.vertices.copy()
+    for direction, length in (((1, 0.2, 0), 2.0), ((0, 1, 0.3), 1.2), ((-0.5, -0.4, 1), 0.7)):
+        limb = np.array(direction) / np.linalg.norm(direction)
+        far = length * np.exp(-6 * (1 - ball.vertices @ limb))[:, None]
+        points += far * (limb + bend * far * np.roll(limb, 1))
+    return Mesh(points, ball.faces, name="blob")
 
 
 def make_twisted_ball(level: int) -> tuple[Mesh, np.ndarray]:
