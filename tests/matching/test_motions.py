@@ -1,5 +1,6 @@
 """Motions that lay a shape onto another: found whatever was cut off, and what starts from them."""
 
+import functools
 from dataclasses import replace
 
 import numpy as np
@@ -17,9 +18,13 @@ from unbend.matching._inputs import prepare_shape
 from unbend.matching._registration import laid_maps, laid_starts
 from unbend.matching._shape import Shape, make_proxy
 
-BODY = make_quadruped("standing", n_vertices=900).mesh
 TURN = Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix()
 SIZES = [2 ** (step / 2) for step in range(-2, 3)]
+
+
+@functools.cache
+def _body() -> Mesh:
+    return make_quadruped("standing", n_vertices=900).mesh
 
 
 def _shape(mesh: Mesh, *, partial: bool = True) -> Shape:
@@ -40,7 +45,7 @@ def _moved(mesh: Mesh) -> Mesh:
 
 
 def _front(share: float) -> Damaged:
-    return cut(BODY, BODY.vertices @ [0.0, 0.1, 1.0], share)
+    return cut(_body(), _body().vertices @ [0.0, 0.1, 1.0], share)
 
 
 def _angle(rotations: np.ndarray) -> np.ndarray:
@@ -51,7 +56,7 @@ def _angle(rotations: np.ndarray) -> np.ndarray:
 @pytest.fixture(scope="module")
 def sides() -> tuple[Shape, Shape]:
     """Less than half of a body, and the whole of it, turned."""
-    return _shape(_front(0.55).mesh), _shape(_moved(BODY), partial=False)
+    return _shape(_front(0.55).mesh), _shape(_moved(_body()), partial=False)
 
 
 def test_inverse_motions_lead_back() -> None:
@@ -77,7 +82,7 @@ def test_the_motion_of_a_part_is_found_with_its_size(sides: tuple[Shape, Shape])
 
 
 def test_the_form_is_of_the_distances_alone_with_its_outside_outside() -> None:
-    shape = _shape(BODY)
+    shape = _shape(_body())
     apart = cdist(shape.form, shape.form)
     off = np.abs(apart - shape.distances).mean()
     assert off < np.abs(cdist(shape.vertices, shape.vertices) - shape.distances).mean() / 3
@@ -87,8 +92,8 @@ def test_the_form_is_of_the_distances_alone_with_its_outside_outside() -> None:
 
 
 def test_two_parts_that_share_little_are_laid_where_they_are_the_same() -> None:
-    middle = BODY.vertices @ [0.0, 0.1, 1.0]
-    front, back = _front(0.3).mesh, cut(BODY, -middle, 0.3).mesh
+    middle = _body().vertices @ [0.0, 0.1, 1.0]
+    front, back = _front(0.3).mesh, cut(_body(), -middle, 0.3).mesh
     motions = _found(_shape(front), _shape(_moved(back)), 8)
     assert _angle(motions.rotations[:4]).min() < 25
 
