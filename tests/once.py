@@ -1,4 +1,4 @@
-"""A match that is computed once for all tests of a module that ask for it."""
+"""What is computed once for all tests that ask for it."""
 
 from collections.abc import Callable
 from typing import Any
@@ -11,12 +11,12 @@ def once(function: Callable[..., Any]) -> Callable[..., Any]:
     """Call a function of the same shapes with the same options once; errors are kept, too."""
     known: dict[Any, Any] = {}
 
-    def call(*shapes: Mesh, progress: Any = None, **options: Any) -> Any:
+    def call(*shapes: Mesh, **options: Any) -> Any:
         arrays = [one.tobytes() for shape in shapes for one in (shape.vertices, shape.faces)]
-        key = *arrays, repr(options)
+        key = *arrays, repr({name: one for name, one in options.items() if name != "progress"})
         if key not in known:
             try:
-                known[key] = function(*shapes, progress=progress, **options)
+                known[key] = function(*shapes, **options)
             except MeshError as error:
                 known[key] = error
         if isinstance(known[key], MeshError):

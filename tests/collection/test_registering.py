@@ -6,7 +6,6 @@ import itertools
 import os
 import shutil
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from once import once
 from sheets import make_blob
 from unbend import Mesh, match, read_mesh, write_mesh
 from unbend.collection import (
@@ -31,14 +29,6 @@ N = TEMPLATE.n_vertices
 TURN = Rotation.from_rotvec([0.4, 1.0, -0.3]).as_matrix()
 ORDER = np.random.default_rng(0).permutation(N)
 OF_OTHERS = pytest.mark.filterwarnings("ignore:.* that shapes.csv does not list")
-
-
-@pytest.fixture(scope="module", autouse=True)
-def matched_once() -> Iterator[None]:
-    """The same shapes are matched once: when they are registered is tested here, not how."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_registering, "match", once(match))
-        yield
 
 
 @pytest.fixture(scope="module")
