@@ -1,5 +1,6 @@
 """What the benchmark of matches draws, measures and prints; what it finds is its own affair."""
 
+import functools
 import json
 import re
 import sys
@@ -29,14 +30,17 @@ def script(monkeypatch):
     return import_module
 
 
+@functools.cache
+def bodies():
+    source = make_biped("standing", n_vertices=600)
+    target = make_biped("walking", n_vertices=600, meshing=1)
+    there, back = rest_map(source, target), rest_map(target, source)
+    return "two", source.mesh, target.mesh, there, back, target.mirror[there]
+
+
 @pytest.fixture
 def pair(script):
-    source = make_biped("standing", n_vertices=600)
-    target = make_biped("walking", n_vertices=700, meshing=1)
-    there, back = rest_map(source, target), rest_map(target, source)
-    return script("match_cases").Pair(
-        "two", source.mesh, target.mesh, there, back, target.mirror[there]
-    )
+    return script("match_cases").Pair(*bodies())
 
 
 @pytest.fixture
@@ -244,6 +248,10 @@ def test_constants_of_the_confidence_are_found_again(script, capsys, tmp_path, m
     refused = {"refused": "why", "error": np.inf, "confidence": 0.0}
     lines = [json.dumps(row) for row in [*rows, refused]]
     file.write_text("\n".join([*lines, '{"number": 9']))  # the last one was cut short
+    fit = confidence.fitted  # once is enough: to all, not again to each set alone
+    monkeypatch.setattr(
+        confidence, "fitted", lambda some, *by: fit(some, *by) if len(some) == 800 else given
+    )
     monkeypatch.setattr(sys, "argv", ["confidence.py", str(file)])
     confidence.main()
     said = capsys.readouterr().out
