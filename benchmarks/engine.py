@@ -237,7 +237,7 @@ def main() -> None:
     warnings.simplefilter("ignore")
     quick = options.quick
     small, medium, large = (
-        quadruped(n) for n in ((500, 800, 1000) if quick else (5_000, 25_000, 50_000))
+        quadruped(n) for n in ((500, 500, 500) if quick else (5_000, 25_000, 50_000))
     )
     huge = subdivide(large, "quadruped subdivided")
     k, count, share, repeats = (10, 20, 5, 1) if quick else (100, COLUMNS, 24, 3)
