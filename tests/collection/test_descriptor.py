@@ -56,7 +56,6 @@ def with_copy(mesh: Mesh, *offset: float) -> Mesh:
 OF_OUR_OWN = {
     "biped": lambda: make_biped("sitting", n_vertices=800).mesh,
     "octopus": lambda: make_octopus(n_vertices=800).mesh,
-    "quadruped": lambda: make_quadruped("standing", n_vertices=800).mesh,
     "open": lambda: cut_off(make_biped("standing", n_vertices=800).mesh),
     "two bodies": lambda: with_copy(make_biped("standing", n_vertices=800).mesh, 3, 0.2, 0),
     "two plates": lambda: with_copy(make_sheet(9), 0, 0, 0.5),
@@ -99,9 +98,8 @@ def test_the_order_of_vertices_and_corners_changes_nothing(name):
     check_order(OF_OUR_OWN[name]())
 
 
-@pytest.mark.parametrize("name", ["cat0", "centaur2"])
-def test_the_order_changes_nothing_on_real_shapes(real_data, name):
-    check_order(read_mesh(real_data / "tosca_remeshed" / f"{name}.off"))
+def test_the_order_changes_nothing_on_a_real_shape(real_data):
+    check_order(read_mesh(real_data / "tosca_remeshed" / "cat0.off"))
 
 
 def test_poses_and_meshings_change_little(apart):

@@ -42,7 +42,7 @@ def test_values_are_carried_from_points_to_a_mesh(blob: Mesh, found: Match) -> N
 
 def test_two_noisy_clouds_match_each_other(blob: Mesh) -> None:
     """The result has no faces, for the target has none."""
-    one, other = (sample_points(blob, 1500, noise=0.01, random_state=seed) for seed in (1, 2))
+    one, other = (sample_points(blob, 1000, noise=0.01, random_state=seed) for seed in (1, 2))
     found = match(one.mesh, other.mesh, barycentric=True)
     images = np.where(found.source_to_target >= 0, other.origin[found.source_to_target], -1)
     assert (images >= 0).mean() > 0.98
