@@ -133,8 +133,8 @@ def check_whole(now: dict[str, int], before: dict[str, int], whole: dict[str, in
     assert not lost, f"{lost} are gone"
 
 
-def interrupt(command: str, by: signal.Signals, moments: Sequence[float]) -> list[int]:
-    """End a command at moments given as shares of its time; what it leaves must be whole.
+def interrupt(command: str, ends: Sequence[tuple[signal.Signals, float]]) -> list[int]:
+    """End a command by signals at moments, shares of its time; what it leaves must be whole.
 
     Returns
     -------
@@ -149,7 +149,7 @@ def interrupt(command: str, by: signal.Signals, moments: Sequence[float]) -> lis
         assert code == 0, said
         seconds, whole = time.monotonic() - begin, written(folder)
         codes = []
-        for moment in moments:
+        for by, moment in ends:
             fresh(folder, command)
             process = start(folder, command)
             try:
@@ -177,7 +177,8 @@ def interrupts(rounds: int, only: Sequence[str]) -> None:
     signal.signal(signal.SIGINT, signal.default_int_handler)
     for name in only or COMMANDS:
         for by in (signal.SIGINT, signal.SIGKILL):
-            codes = interrupt(COMMANDS[name], by, draw.uniform(0.1, 1.0, rounds).tolist())
+            ends = [(by, moment) for moment in draw.uniform(0.1, 1.0, rounds).tolist()]
+            codes = interrupt(COMMANDS[name], ends)
             print(f"{name:18} {by.name:8} exit codes {codes}", flush=True)
 
 
