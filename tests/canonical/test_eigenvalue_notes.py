@@ -9,7 +9,7 @@ import dense
 from forms import form_of
 from sheets import make_torus
 from unbend import Mesh, canonical_form, laplacian
-from unbend.datasets import make_biped, make_octopus, make_quadruped, make_sphere
+from unbend.datasets import make_octopus, make_quadruped, make_sphere
 from unbend.errors import UnbendWarning
 
 # With the number of an eigenvalue of the torus that equals the next.
@@ -65,7 +65,7 @@ def test_the_warning_says_how_many_components_to_take(d, choices):
         canonical_form(make_sphere(2), n_components=d)
 
 
-@pytest.mark.parametrize("make", [make_quadruped, make_biped, make_octopus])
+@pytest.mark.parametrize("make", [make_quadruped, make_octopus])
 def test_bodies_split_no_eigenvalue(make):
     body = make(n_vertices=500).mesh
     for options in ({}, {"method": "sampled", "distance": "geodesic"}):

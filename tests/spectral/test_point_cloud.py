@@ -145,9 +145,8 @@ def test_a_torus():
     np.testing.assert_allclose(found.eigenvalues, torus_eigenvalues(10), rtol=5e-3, atol=1e-9)
 
 
-@pytest.mark.parametrize("make", [make_quadruped, make_biped])
-def test_a_body_is_that_of_its_mesh(make):
-    body = make(n_vertices=5000).mesh
+def test_a_body_is_that_of_its_mesh():
+    body = make_quadruped(n_vertices=5000).mesh
     found, mesh = (spectrum(one, 12) for one in (body.vertices, body))
     assert found.areas.sum() == pytest.approx(mesh.areas.sum(), rel=2e-3)
     np.testing.assert_allclose(found.eigenvalues, mesh.eigenvalues, rtol=5e-3, atol=1e-9)
