@@ -325,7 +325,7 @@ def test_lengths_deviate_as_they_do_at_the_size_that_suits_them_best() -> None:
 
 
 def test_ways_place_a_body_on_itself(blob) -> None:
-    shape = prepare_shape(make_biped("running", n_vertices=600).mesh, 60)[1]
+    shape = prepare_shape(make_biped("running", n_vertices=700).mesh, 60)[1]
     ends = find_extremities(shape)
     for point_map in limb_maps(ends, ends):  # the front may stand for the back
         np.testing.assert_allclose(ends.fields[point_map], ends.fields, atol=2e-3)
