@@ -201,6 +201,7 @@ def test_matrix_and_groups(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     with open("groups.csv", newline="") as file:
         assert {row["group"] for row in csv.DictReader(file)} == {"0", "1"}
     assert run("groups", "shapes", "-n", 1).stdout.startswith("group 0: 4\n  stones/")
+    assert run("groups", "shapes").stdout.endswith(" stand out most\n")
 
 
 def test_match(folder: Path) -> None:
