@@ -7,7 +7,7 @@ from paper.run import Run
 from tests.paper.folders import write_animals
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     folder = tmp_path_factory.mktemp("animals")
     animals = load_tosca(write_animals(folder))

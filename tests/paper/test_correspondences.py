@@ -40,7 +40,7 @@ def found(shapes: Collection, tmp_path_factory: pytest.TempPathFactory) -> list[
     run = Run(shapes, None, True, 1, tmp_path_factory.mktemp("store"), lambda step: None)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(correspondences, "N_EIGENPAIRS", 30)
-        patch.setattr(forms, "N_SAMPLES", 60)
+        patch.setattr(forms.make_form, "__defaults__", (60,))  # samples
         patch.setattr(correspondences, "match", _true_match)
         return judge_all(run, [("dog0", "dog1"), ("dog0", "dog9")], 50)
 

@@ -5,8 +5,9 @@ import pytest
 
 from paper import synthetic
 from paper.data import open_data, without_strangers
+from tests.paper import folders
 from tests.paper.folders import write_animals, write_edited, write_people
-from unbend.datasets import make_biped, make_quadruped
+from unbend.datasets import make_quadruped
 from unbend.errors import FileError
 
 
@@ -23,7 +24,7 @@ def test_collections_are_found_in_folders_of_their_names(tmp_path):
     assert found.shapes.about == "TOSCA: 3 shapes of 1 kind, 600 vertices, numbered alike"
     assert found.shapes.left_out == found.shapes.caveats == ()
     assert found.scape is not None
-    assert len(found.scape.collection) == 4
+    assert len(found.scape.collection) == 3
     assert (tmp_path / "out" / "pieces" / ".gitignore").read_text() == "*\n"
 
 
@@ -103,9 +104,7 @@ def test_our_own_shapes_have_their_true_and_mirrored_correspondences(tmp_path, m
     np.testing.assert_allclose(swapped[one.mirror], apart, atol=1e-9)
     assert apart.max() < 0.1
     person = found.scape.collection.mesh("mesh001")
-    np.testing.assert_array_equal(
-        person.vertices, make_biped("sitting", n_vertices=600).mesh.vertices
-    )
+    np.testing.assert_array_equal(person.vertices, folders.person("sitting").vertices)
     written = found.shapes.collection.files["dog1"].stat().st_mtime_ns
     again = open_data("synthetic", tmp_path, True, silent)
     assert again.shapes.collection.files["dog1"].stat().st_mtime_ns == written

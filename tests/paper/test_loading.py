@@ -9,8 +9,9 @@ import pytest
 from scipy.io import savemat
 
 from paper.loading import load_scape, load_tosca
+from tests.paper.folders import dog
 from unbend import Mesh, canonical_form, write_mesh
-from unbend.datasets import make_quadruped, make_sphere
+from unbend.datasets import make_sphere
 from unbend.errors import FileError, InputError, MeshError, UnbendWarning
 
 POSES = {"cat0": "standing", "cat2": "galloping", "cat10": "sitting"}
@@ -18,7 +19,7 @@ POSES = {"cat0": "standing", "cat2": "galloping", "cat10": "sitting"}
 
 @pytest.fixture(scope="module")
 def cats() -> dict[str, Mesh]:
-    return {name: make_quadruped(pose, n_vertices=600).mesh for name, pose in POSES.items()}
+    return {name: dog(pose) for name, pose in POSES.items()}
 
 
 def _write_off(folder: Path, meshes: dict[str, Mesh], suffix: str = ".off") -> None:

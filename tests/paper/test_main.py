@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from paper import forms, table2
 from paper.__main__ import main, parser
 from paper.targets import TARGETS
 from tests.paper.folders import write_people
@@ -19,7 +20,7 @@ PAGES = [*ROOT.glob("docs/reproduction/*/README.md"), *ROOT.glob("*.md")]
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("scape")
-    write_people(path / "SCAPE", 3)
+    write_people(path / "SCAPE")
     (path / "empty").mkdir()
     (path / "file").write_text("no folder")
     return path
@@ -27,6 +28,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_all_runs_what_it_has_shapes_for(folder, monkeypatch, capsys):
     monkeypatch.delitem(TARGETS, "efficiency")  # needs no shapes, but minutes
+    monkeypatch.setattr(forms.make_form, "__defaults__", (60,))  # samples
+    monkeypatch.setattr(table2, "N_POINTS", 100)
     out = folder / "out"
     assert main(["--data", str(folder), "-o", str(out), "--quick"]) == 0
     printed, told = capsys.readouterr()
