@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from browser import Browser, start_browser
-from sheets import make_egg
+from sheets import make_blob
 from unbend import read_match, write_mesh
 from unbend.datasets import make_quadruped
 
@@ -48,11 +48,11 @@ def dogs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 @pytest.fixture(scope="module")
-def eggs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+def blobs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """What is matched sooner."""
-    folder, egg = tmp_path_factory.mktemp("eggs"), make_egg(2)
+    folder, blob = tmp_path_factory.mktemp("blobs"), make_blob(2)
     for name, height in (("small", 1), ("tall", 1.1)):
-        write_mesh(folder / f"{name}.ply", (egg.vertices * [1, height, 1], egg.faces))
+        write_mesh(folder / f"{name}.ply", (blob.vertices * [1, height, 1], blob.faces))
     return sorted(folder.iterdir())
 
 
@@ -85,8 +85,8 @@ def downloaded(path: Path, page: Browser) -> Path:
     raise AssertionError(f"{path.name} was not saved")
 
 
-def test_from_two_dropped_files_to_a_saved_map_with_hints(page, dogs, tmp_path, screenshots):
-    page.drop(*page.middle("#drop"), *dogs)
+def test_from_two_dropped_files_to_a_saved_map_with_hints(page, blobs, tmp_path, screenshots):
+    page.drop(*page.middle("#drop"), *blobs)
     page.wait_for(GOOD.format(2))
     page.picture(save=screenshots / "app-shapes.png")
     press(page, "Place landmarks")
@@ -109,9 +109,9 @@ def test_from_two_dropped_files_to_a_saved_map_with_hints(page, dogs, tmp_path, 
     page.run(
         "[...document.querySelectorAll('a')].find(a => a.textContent.endsWith('.npz')).click()"
     )
-    path = downloaded(tmp_path / "standing-walking.npz", page)
-    found = read_match(path, source=dogs[0], target=dogs[1])
-    assert (found.source_to_target == np.arange(600)).mean() > 0.5
+    path = downloaded(tmp_path / "small-tall.npz", page)
+    found = read_match(path, source=blobs[0], target=blobs[1])
+    assert (found.source_to_target == np.arange(162)).mean() > 0.5
     # What a file is stands in one column with its name.
     rects = "[...document.querySelectorAll('.files li')].map(e => e.getClientRects().length)"
     for width in range(600, 1240, 80):
@@ -130,18 +130,18 @@ def test_from_two_dropped_files_to_a_saved_map_with_hints(page, dogs, tmp_path, 
     # A result offers nothing more when its shape is removed.
     page.run("document.querySelectorAll('#results button')[1].click()")
     page.wait_for("part('result').textContent.includes('Use this map')")
-    page.run("document.querySelector('[aria-label=\"Remove standing.ply\"]').click()")
+    page.run("document.querySelector('[aria-label=\"Remove small.ply\"]').click()")
     page.wait_for("part('result').textContent.includes('A shape of this result was removed')")
     assert "Use this map" not in page.run("part('result').textContent")
     # Opened again, it is a new shape, as the page says.
-    page.choose_file("#choose", dogs[0])
+    page.choose_file("#choose", blobs[0])
     page.wait_for(GOOD.format(2))
     assert "open it and do the same again" in page.run("part('result').textContent")
 
 
-def test_a_bad_file_is_a_sentence_beside_good_ones(page, dogs, tmp_path, screenshots):
+def test_a_bad_file_is_a_sentence_beside_good_ones(page, blobs, tmp_path, screenshots):
     (tmp_path / "<b>bad.off").write_text("OFF\n9000000 1 0\n0 0 0\n", "utf-8")
-    page.choose_file("#choose", tmp_path / "<b>bad.off", dogs[0])
+    page.choose_file("#choose", tmp_path / "<b>bad.off", blobs[0])
     page.wait_for(GOOD.format(2))
     told = page.run("part('shapes').textContent")
     assert "<b>bad.off" in told
@@ -155,7 +155,7 @@ def test_a_bad_file_is_a_sentence_beside_good_ones(page, dogs, tmp_path, screens
     assert page.run("part('troubles').getBoundingClientRect().top") >= 0  # it is seen
     press(page, "Close")
     (tmp_path / "scans.ply").mkdir()
-    page.drop(*page.middle("#drop"), tmp_path / "scans.ply", dogs[1])
+    page.drop(*page.middle("#drop"), tmp_path / "scans.ply", blobs[1])
     page.wait_for(GOOD.format(3))
     assert "scans.ply cannot be read" in page.run("part('troubles').textContent")
     press(page, "Close")
@@ -164,11 +164,11 @@ def test_a_bad_file_is_a_sentence_beside_good_ones(page, dogs, tmp_path, screens
     page.problems.clear()
 
 
-def test_what_a_search_finds_is_opened(page, dogs):
+def test_what_a_search_finds_is_opened(page, blobs):
     press(page, "Group the collection")
     page.wait_for("state.results.length === 1")
     assert page.run("document.querySelector('iframe').title") == "Groups of the collection"
-    page.choose_file("#choose", dogs[1])
+    page.choose_file("#choose", blobs[1])
     page.wait_for(GOOD.format(1))
     press(page, "Search the collection")
     page.wait_for("state.results.length === 2")
@@ -177,8 +177,8 @@ def test_what_a_search_finds_is_opened(page, dogs):
     assert page.run("part('second').selectedOptions[0].textContent") == "dog-standing.ply"
 
 
-def test_two_tabs_show_one_session(page, app, dogs):
-    page.choose_file("#choose", *dogs)
+def test_two_tabs_show_one_session(page, app, blobs):
+    page.choose_file("#choose", *blobs)
     page.wait_for(GOOD.format(2))
     other = page.call("Target.createTarget", url=app.address)["targetId"]
     try:
@@ -193,22 +193,22 @@ def test_two_tabs_show_one_session(page, app, dogs):
     page.wait_for("document.querySelectorAll('#results button').length === 1")
 
 
-def test_what_stands_in_for_a_removed_shape_is_another_one(page, dogs):
-    page.choose_file("#choose", *dogs)
+def test_what_stands_in_for_a_removed_shape_is_another_one(page, blobs):
+    page.choose_file("#choose", *blobs)
     page.wait_for(GOOD.format(2))
-    page.run("document.querySelector('[aria-label=\"Take walking.ply as the second\"]').click()")
-    page.run("document.querySelector('[aria-label=\"Remove standing.ply\"]').click()")
+    page.run("document.querySelector('[aria-label=\"Take tall.ply as the second\"]').click()")
+    page.run("document.querySelector('[aria-label=\"Remove small.ply\"]').click()")
     page.wait_for(GOOD.format(1))
-    page.choose_file("#choose", dogs[0])
+    page.choose_file("#choose", blobs[0])
     page.wait_for(GOOD.format(2))
     chosen = "[...document.querySelectorAll('#first, #second')].map(e => e.selectedOptions[0].text)"
-    assert page.run(chosen) == ["standing.ply", "walking.ply"]
+    assert page.run(chosen) == ["small.ply", "tall.ply"]
 
 
-def test_it_fits_a_telephone_and_the_dark(page, dogs, tmp_path, screenshots):
+def test_it_fits_a_telephone_and_the_dark(page, blobs, tmp_path, screenshots):
     long = tmp_path / f"{'name' * 40}.ply"
-    long.write_bytes(dogs[0].read_bytes())
-    page.choose_file("#choose", long, *dogs)
+    long.write_bytes(blobs[0].read_bytes())
+    page.choose_file("#choose", long, *blobs)
     page.wait_for(GOOD.format(3))
     press(page, "Landmarks, distances")
     page.wait_for("state.results.length === 1")
@@ -224,8 +224,8 @@ def test_it_fits_a_telephone_and_the_dark(page, dogs, tmp_path, screenshots):
     assert dark < 0.4 < page.picture().mean()
 
 
-def test_keyboard_alone_reaches_every_control_and_all_have_names(page, dogs):
-    page.choose_file("#choose", *dogs)
+def test_keyboard_alone_reaches_every_control_and_all_have_names(page, blobs):
+    page.choose_file("#choose", *blobs)
     page.wait_for(GOOD.format(2))
     page.run("document.activeElement.blur()")
     reached = []
@@ -236,9 +236,9 @@ def test_keyboard_alone_reaches_every_control_and_all_have_names(page, dogs):
         assert any(re.search(rf"{name}$", one) for one in reached), name
     # What has the focus keeps it, although the cards are drawn again and work goes on.
     enter = {"windowsVirtualKeyCode": 13, "text": "\r"}
-    page.run("document.querySelector('[aria-label=\"Take walking.ply as the first\"]').focus()")
+    page.run("document.querySelector('[aria-label=\"Take tall.ply as the first\"]').focus()")
     page.press("Enter", **enter)
-    assert page.run("document.activeElement.ariaLabel") == "Take walking.ply as the first"
+    assert page.run("document.activeElement.ariaLabel") == "Take tall.ply as the first"
     assert page.run("document.activeElement.ariaPressed") == "true"
     page.run("document.querySelector('[data-do=form]').focus()")
     page.press("Enter", **enter)
@@ -286,8 +286,8 @@ def test_landmarks_outlast_their_tab_and_are_its_own_and_work_is_cancelled(page,
     assert page.run(f"{last}[0]") == theirs
 
 
-def test_what_is_ready_after_a_reload_or_during_one_is_shown(page, app, eggs):
-    page.choose_file("#choose", *eggs)
+def test_what_is_ready_after_a_reload_or_during_one_is_shown(page, app, blobs):
+    page.choose_file("#choose", *blobs)
     page.wait_for(GOOD.format(2))
     press(page, "Landmarks, distances")
     page.wait_for("state.results.length === 1")
