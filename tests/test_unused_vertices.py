@@ -117,8 +117,7 @@ def registration(case: Case) -> Iterator[Any]:
 
 
 def mean(case: Case) -> Iterator[Any]:
-    one, other = case.others
-    shapes = [unbend.register(case.mesh, one), unbend.register(case.mesh, other, case.same)]
+    shapes = [unbend.register(case.mesh, one, case.same) for one in case.others]
     found = unbend.collection.mean_shape(shapes, case.mesh)
     yield from (case.rows(found.mean.vertices), found.statistics.variances, found.confidences)
     yield case.rows(found.statistics.variability)
