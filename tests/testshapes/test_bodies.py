@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from testshapes.bodies import KINDS, is_carried_well, make_body, random_proportions
 from testshapes.measures import mean_edge
 from unbend import diagnose
-from unbend.datasets import make_biped, make_quadruped, rest_map
+from unbend.datasets import make_quadruped, rest_map
 from unbend.datasets._skeleton import carry, cones_of
 from unbend.errors import InputError
 
@@ -109,7 +109,7 @@ def test_points_keep_their_place_along_a_bone(kind, bone):
 
 def test_the_truth_is_the_same_by_way_of_a_third_body():
     source, target = bodies("biped")
-    middle = make_body("biped", 13, {}, n_vertices=2000, meshing=7)
+    middle = make_body("biped", 13, {}, n_vertices=1000, meshing=7)
     direct, around = rest_map(source, target), rest_map(middle, target)[rest_map(source, middle)]
     apart = np.linalg.norm(target.reference[direct] - target.reference[around], axis=1)
     assert np.percentile(apart, 99) < 3 * mean_edge(target.mesh)
@@ -135,7 +135,7 @@ def test_species_of_one_maker_correspond():
 
 
 def test_carrying_back_and_forth_is_the_identity():
-    shape = make_biped({}, n_vertices=900, legs=1.5, girth=1.4)
+    shape, _ = bodies("biped")
     there = shape.reference
     back = carry(there, shape.plain_bones, shape.bones)
     edge = mean_edge(shape.mesh)

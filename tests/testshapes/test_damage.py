@@ -17,7 +17,7 @@ from unbend.errors import InputError
 
 @cache
 def body():
-    return make_biped("running", n_vertices=1200)
+    return make_biped("running", n_vertices=900)
 
 
 def assert_consistent(damaged: Damaged, whole) -> None:
@@ -36,10 +36,9 @@ def assert_manifold_with_rims(damaged: Damaged) -> None:
     assert found.non_manifold_edges == found.non_manifold_vertices == found.inconsistent_edges == 0
 
 
-@pytest.mark.parametrize("share", [0.05, 0.1, 0.2, 0.4])
-@pytest.mark.parametrize("n_discs", [1, 8])
+@pytest.mark.parametrize(("share", "n_discs"), [(0.05, 1), (0.4, 1), (0.05, 8), (0.4, 8)])
 def test_discs_take_the_share_of_the_area_that_was_asked(share, n_discs):
-    for seed in range(3):
+    for seed in range(2):
         torn = cut_discs(body().mesh, share, n_discs, random_state=seed)
         assert_consistent(torn, body().mesh)
         assert_manifold_with_rims(torn)
@@ -48,7 +47,7 @@ def test_discs_take_the_share_of_the_area_that_was_asked(share, n_discs):
 
 def test_on_a_sphere_a_disc_is_exact():
     ball = make_sphere(4)
-    for share in (0.02, 0.1, 0.3, 0.5):
+    for share in (0.02, 0.5):
         torn = cut_discs(ball, share, random_state=1)
         assert 1 - area(torn.mesh) / area(ball) == pytest.approx(share, abs=0.002)
         assert diagnose(torn.mesh).boundary_loops == 1
@@ -81,7 +80,7 @@ def test_a_cut_limb_is_gone_and_nothing_else():
 
 
 def test_the_truth_between_parts_is_that_of_the_wholes():
-    one = make_biped("standing", n_vertices=900)
+    one = body()
     other = make_biped("sitting", n_vertices=1000, meshing=1)
     truth = rest_map(one, other)
     source = cut_discs(one.mesh, 0.2, random_state=3)
@@ -100,7 +99,7 @@ def test_the_truth_between_parts_is_that_of_the_wholes():
 def test_overlapping_parts_share_what_neither_lost():
     height = body().rest[:, 1]
     lower, upper = cut(body().mesh, -height, 0.25), cut(body().mesh, height, 0.25)
-    truth = damaged_truth(np.arange(1200), lower, upper)
+    truth = damaged_truth(np.arange(900), lower, upper)
     shared = keep(body().mesh, (lower.image >= 0) & (upper.image >= 0))
     assert area(shared.mesh) / area(body().mesh) == pytest.approx(0.5, abs=0.08)
     assert abs(int((truth >= 0).sum()) - shared.mesh.n_vertices) < 60
