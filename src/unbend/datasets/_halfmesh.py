@@ -23,7 +23,7 @@ def collapse_short_edges(
     lengths /= sizes[edges].mean(axis=1)
     order = np.argsort(lengths, kind="stable")
     order = order[lengths[order] < 2.5 * np.median(lengths)]
-    triangles = faces.tolist()
+    places, triangles = vertices.tolist(), faces.tolist()
     around: list[set[int]] = [set() for _ in range(len(vertices))]
     for f, triangle in enumerate(triangles):
         for vertex in triangle:
@@ -61,7 +61,7 @@ def collapse_short_edges(
         only_b = ring_b - ring_a - {a}
         if any(not only_b.isdisjoint(ring[u]) for u in ring_a - ring_b - {b}):
             continue
-        if not _keeps_normals(vertices, triangles, around[a] - shared, a, b):
+        if not _keeps_normals(places, triangles, around[a] - shared, a, b):
             continue
         for vertex in (a, b, *common):
             around[vertex] -= shared
@@ -81,21 +81,20 @@ def collapse_short_edges(
 
 
 def _keeps_normals(
-    vertices: FloatArray, triangles: list[list[int]], kept: set[int], a: int, b: int
+    places: list[list[float]], triangles: list[list[int]], kept: set[int], a: int, b: int
 ) -> bool:
     """Whether no face turns by more than about 75 degrees when ``a`` moves onto ``b``."""
-    (bx, by, bz), (ax, ay, az) = vertices[b].tolist(), vertices[a].tolist()
+    (bx, by, bz), (ax, ay, az) = places[b], places[a]
     for f in kept:
         triangle = triangles[f]
         i = triangle.index(a)
-        px, py, pz = vertices[triangle[i - 2]].tolist()
-        qx, qy, qz = vertices[triangle[i - 1]].tolist()
+        px, py, pz = places[triangle[i - 2]]
+        qx, qy, qz = places[triangle[i - 1]]
         ex, ey, ez = qx - px, qy - py, qz - pz
-        old = _cross(ex, ey, ez, ax - px, ay - py, az - pz)
-        new = _cross(ex, ey, ez, bx - px, by - py, bz - pz)
-        dot = old[0] * new[0] + old[1] * new[1] + old[2] * new[2]
-        sizes = sum(x * x for x in old) * sum(x * x for x in new)
-        if dot <= 0.25 * sizes**0.5:
+        ox, oy, oz = _cross(ex, ey, ez, ax - px, ay - py, az - pz)
+        nx, ny, nz = _cross(ex, ey, ez, bx - px, by - py, bz - pz)
+        sizes = (ox * ox + oy * oy + oz * oz) * (nx * nx + ny * ny + nz * nz)
+        if ox * nx + oy * ny + oz * nz <= 0.25 * sizes**0.5:
             return False
     return True
 
