@@ -64,7 +64,7 @@ class Collection:
     >>> shapes = Collection(folder / "shapes")
     >>> shapes.add(folder, workers=0).added
     2
-    >>> (found,) = shapes.search(make_quadruped("galloping", n_vertices=500).mesh, n=1)
+    >>> (found,) = shapes.search(make_quadruped("galloping", n_vertices=600).mesh, n=1)
     >>> Path(found.path).name
     'dog.ply'
     """

@@ -73,9 +73,9 @@ def descriptor(mesh: MeshLike) -> npt.NDArray[np.float32]:
     >>> from unbend.collection import descriptor
     >>> from unbend.datasets import make_biped, make_octopus
     >>> sitting, running = (
-    ...     descriptor(make_biped(pose, n_vertices=900).mesh) for pose in ("sitting", "running")
+    ...     descriptor(make_biped(pose, n_vertices=600).mesh) for pose in ("sitting", "running")
     ... )
-    >>> octopus = descriptor(make_octopus(n_vertices=900).mesh)
+    >>> octopus = descriptor(make_octopus(n_vertices=600).mesh)
     >>> apart = np.linalg.norm
     >>> bool(3 * apart(sitting - running) < apart(sitting - octopus))
     True
