@@ -29,15 +29,15 @@ def _computed_once() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def stones(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder of a dozen stones."""
-    return write_stones(tmp_path_factory.mktemp("shapes") / "stones", 12)[0].parent
+    """A folder of eight stones."""
+    return write_stones(tmp_path_factory.mktemp("shapes") / "stones", 8)[0].parent
 
 
 @pytest.fixture(scope="session")
 def filled(stones: Path, tmp_path_factory: pytest.TempPathFactory) -> Collection:
-    """A collection of the dozen stones, only to be read."""
+    """A collection of the eight stones, only to be read."""
     collection = Collection(tmp_path_factory.mktemp("store") / "filled")
-    assert collection.add(stones, workers=0).added == 12
+    assert collection.add(stones, workers=0).added == 8
     return collection
 
 

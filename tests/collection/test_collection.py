@@ -48,7 +48,7 @@ def test_it_begins_empty_and_leaves_no_trace(tmp_path: Path) -> None:
 
 
 def test_it_shows_where_it_is_and_how_large(filled: Collection) -> None:
-    assert repr(filled) == f"Collection({filled.path!r}, 12 shapes)"
+    assert repr(filled) == f"Collection({filled.path!r}, 8 shapes)"
 
 
 def test_a_shape_finds_itself_then_those_like_it(filled: Collection, stones: Path) -> None:
@@ -56,7 +56,7 @@ def test_a_shape_finds_itself_then_those_like_it(filled: Collection, stones: Pat
     vectors = np.array([row["descriptor"] for row in rows])
     for i in (0, 7):
         apart = np.linalg.norm(vectors - vectors[i], axis=1)
-        hits = filled.search(stones / f"stone{i:02}.ply", 12)
+        hits = filled.search(stones / f"stone{i:02}.ply", 8)
         assert hits[0].path == rows[i]["path"]
         assert [hit.path for hit in hits] == [rows[j]["path"] for j in np.argsort(apart)]
         np.testing.assert_allclose([hit.distance for hit in hits], np.sort(apart), atol=1e-3)
@@ -196,7 +196,7 @@ def test_an_index_finds_what_looking_at_all_finds(
     for start in (0, 300):
         some = [
             {
-                **rows[i % 12],
+                **rows[i % 8],
                 "id": f"{start + i:032x}",
                 "path": f"/nowhere/{start + i}",
                 "descriptor": np.float32(chance.normal(size=len(rows[0]["descriptor"]))),
@@ -214,7 +214,7 @@ def test_only_a_large_collection_gets_an_index_and_only_where_asked(
     own: Collection, stones: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = stones / "stone05.ply"
-    for least, asked in ((13, {"index": True}), (12, {}), (12, {"index": True})):
+    for least, asked in ((9, {"index": True}), (8, {}), (8, {"index": True})):
         monkeypatch.setattr(_collection, "_LEAST_INDEXED", least)
         assert not own.info().indexed
         assert own.search(path, 1, **asked)[0].path == str(path)
@@ -238,11 +238,11 @@ def test_distances_are_those_of_the_descriptors(filled: Collection) -> None:
 
 
 def test_a_table_too_large_is_refused(filled: Collection, monkeypatch: pytest.MonkeyPatch) -> None:
-    tables = 3 * 8 * 12**2  # so many bytes have three numbers for each pair
+    tables = 3 * 8 * 8**2  # so many bytes have three numbers for each pair
     monkeypatch.setattr(_collection, "available_memory", lambda: tables)
-    assert filled.distances()[1].shape == (12, 12)
+    assert filled.distances()[1].shape == (8, 8)
     monkeypatch.setattr(_collection, "available_memory", lambda: tables - 1)
-    with pytest.raises(InputError, match="all pairs of 12 shapes need"):
+    with pytest.raises(InputError, match="all pairs of 8 shapes need"):
         filled.distances()
 
 
@@ -252,14 +252,14 @@ def test_shapes_are_found_by_path_or_id_and_removed(own: Collection) -> None:
     assert own.find(first.path) == own.find(Path(first.path)) == [first]
     with pytest.raises(InputError, match="is not in the collection"):
         own.remove([first.id, "it's not there"])
-    assert len(own) == 12
+    assert len(own) == 8
     assert own.remove(first.id) == [first]
     assert first.path not in {entry.path for entry in own}
     assert Path(first.path).exists()
 
 
 def test_many_names_need_few_queries(own: Collection, monkeypatch: pytest.MonkeyPatch) -> None:
-    entries = list(own) * 100
+    entries = list(own) * 150
     names = [(one.path, one.id, one.id[:8])[i % 3] for i, one in enumerate(entries)]
     batches, queries = own._store.batches, []
 
@@ -270,7 +270,7 @@ def test_many_names_need_few_queries(own: Collection, monkeypatch: pytest.Monkey
     monkeypatch.setattr(own._store, "batches", counted)
     assert own.find(names) == entries
     assert len(queries) < 0.02 * len(names)
-    assert own.remove(iter(names[:9])) == entries[:9]
+    assert own.remove(iter(names[:6])) == entries[:6]
 
 
 def test_what_another_process_removes_meanwhile_is_not_there(
@@ -300,7 +300,7 @@ def test_what_another_process_removes_meanwhile_is_not_there(
     found = own.search(fourth.path, rerank="form")
     assert found[0].id == fourth.id
     assert third.id not in {hit.id for hit in found}
-    assert len(found) == 9
+    assert len(found) == 5
 
 
 def test_a_thumbnail_is_a_picture_of_the_shape(filled: Collection, tmp_path: Path) -> None:
@@ -319,12 +319,12 @@ def test_a_thumbnail_is_a_picture_of_the_shape(filled: Collection, tmp_path: Pat
 def test_export_keeps_every_number(filled: Collection, tmp_path: Path) -> None:
     from pyarrow.parquet import read_table
 
-    assert filled.export(tmp_path / "all.parquet") == filled.export(tmp_path / "all.csv") == 12
+    assert filled.export(tmp_path / "all.parquet") == filled.export(tmp_path / "all.csv") == 8
     kept = {row["id"]: row for row in rows_of(filled)}
     assert {row["id"]: row for row in read_table(tmp_path / "all.parquet").to_pylist()} == kept
     with open(tmp_path / "all.csv", newline="") as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == 12
+    assert len(rows) == 8
     for row in rows:
         expected = kept[row["id"]]["descriptor"]
         vector = [float(row[f"descriptor_{i}"]) for i in range(len(expected))]
@@ -383,7 +383,7 @@ def test_a_table_that_another_process_is_just_making_is_waited_for(
             (tmp_path / "made").rename(table)
 
     monkeypatch.setattr(_store.time, "sleep", wait)
-    assert len(Collection(tmp_path / "store")) == 12
+    assert len(Collection(tmp_path / "store")) == 8
     for one in (table / "_versions").iterdir():
         one.unlink()
     with pytest.raises(FileError, match="if it is damaged, remove its folder"):
@@ -408,7 +408,7 @@ def test_killed_and_resumed_it_is_as_if_undisturbed(
     killed = Collection(tmp_path / "killed")
     last = killed.add(stones, workers=0)
     assert last.skipped >= 3
-    assert last.added + last.skipped == 12
+    assert last.added + last.skipped == 8
     assert_same_rows(killed, filled)
 
 
@@ -429,5 +429,5 @@ def test_a_cluster_gives_the_same_table_and_may_lose_a_worker(
 
         done = collection.add(stones, scheduler=cluster.scheduler_address, progress=kill_one)
         assert killed
-        assert (done.added, done.failures) == (12, ())
+        assert (done.added, done.failures) == (8, ())
         assert_same_rows(collection, filled)

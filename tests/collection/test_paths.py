@@ -113,13 +113,13 @@ def test_what_is_there_by_content_is_not_computed_again(own: Collection, tmp_pat
     first, *_ = rows_of(own)
     copies = [copied(first["path"], tmp_path / name) for name in ("one.ply", "two.ply")]
     done = own.add([*copies, Path(first["path"]).parent], workers=0)
-    assert counts(done) == (0, 14, 2)
+    assert counts(done) == (0, 10, 2)
     (entry,) = own.find([copies[1]])
     assert {entry.path, *entry.also} == {first["path"], *copies}
     own.remove([first["id"]])
-    assert len(own) == 11
+    assert len(own) == 7
     assert counts(own.add([*copies, first["path"], copies[0]], workers=0)) == (1, 3, 2)
-    assert len(own) == 12
+    assert len(own) == 8
 
 
 def test_a_file_that_changed_takes_its_own_place(tmp_path: Path, store: Collection) -> None:
@@ -229,12 +229,12 @@ def test_a_search_counts_shapes_not_files(filled: Collection, own: Collection, t
     paths = sorted(entry.path for entry in own)
     copies = [copied(paths[4], tmp_path / f"copy{i}.ply") for i in range(5)]
     own.add(copies, workers=0)
-    for n in (1, 3, 12):
+    for n in (1, 3, 8):
         found, plain = (one.search(paths[4], n) for one in (own, filled))
         assert [hit.id for hit in found] == [hit.id for hit in plain]
     assert {found[0].path, *found[0].also} == {paths[4], *copies}
     entries, table = own.distances()
-    assert len(entries) == 12
+    assert len(entries) == 8
     assert sorted(table.ravel()) == sorted(filled.distances()[1].ravel())
 
 
@@ -298,10 +298,10 @@ def test_a_store_of_an_earlier_version_is_read_and_goes_on(
     np.testing.assert_array_equal(old.distances()[1], filled.distances()[1])
     assert old.search(rows[3]["path"], 2) == filled.search(rows[3]["path"], 2)
     copy = copied(rows[3]["path"], tmp_path / "copy.ply")
-    assert counts(old.add([copy, *(row["path"] for row in rows)], workers=0)) == (0, 13, 1)
+    assert counts(old.add([copy, *(row["path"] for row in rows)], workers=0)) == (0, 9, 1)
     (entry,) = old.find([copy])
     assert {entry.path, *entry.also} == {copy, rows[3]["path"]}
-    assert len(old) == 12
+    assert len(old) == 8
 
 
 def test_names_that_are_beginnings_of_two_ids_are_refused(own: Collection) -> None:
