@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from paper import convergence as module
 from paper.collection import Collection
-from paper.convergence import EIGENPAIRS, SAMPLES, convergence
+from paper.convergence import convergence
 from paper.forms import difference
 from paper.loading import load_tosca
 from paper.result import Result
@@ -15,17 +16,22 @@ from unbend import canonical_form, sampled_canonical_form, write_mesh
 from unbend.datasets import make_quadruped
 from unbend.errors import InputError
 
+EIGENPAIRS, SAMPLES = (10, 20, 50, 100, 200), (50, 100, 200, 400, 800)  # fewer than usual
+
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     folder = tmp_path_factory.mktemp("animals")
-    write_mesh(folder / "dog0.off", make_quadruped("walking", n_vertices=1000).mesh)
+    write_mesh(folder / "dog0.off", make_quadruped("walking", n_vertices=850).mesh)
     return Run(load_tosca(folder), None, True, 1, folder / "store", lambda step: None)
 
 
 @pytest.fixture(scope="module")
 def result(run: Run) -> Result:
-    return convergence(run)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "EIGENPAIRS", EIGENPAIRS)
+        patch.setattr(module, "SAMPLES", SAMPLES)
+        return convergence(run)
 
 
 def test_more_of_both_comes_nearer(result):

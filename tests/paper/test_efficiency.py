@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from counting import process
 from paper import efficiency as module
 from paper.collection import Collection
 from paper.efficiency import METHODS, efficiency, peak_of
@@ -56,8 +57,9 @@ def test_where_no_peak_is_told_none_is_given(small, monkeypatch):
 
 
 def test_what_is_measured_runs_in_a_process_of_its_own():
-    assert module._alone(os.getpid) != os.getpid()
-    assert module._alone(os.getenv, "OMP_NUM_THREADS") == "1"
+    number, threads = module._alone(process)
+    assert number != os.getpid()
+    assert threads == "1"
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="no peak is told here")
