@@ -11,6 +11,7 @@ import pytest
 import trimesh
 
 import unbend
+from animals import dog
 from once import once
 from sheets import make_egg, make_torus
 from stones import write_stones
@@ -25,15 +26,8 @@ from unbend.io import read_map, read_values, write_map, write_values
 from unbend.matching import Hypothesis, Match
 from unbend.report import match_colors
 
-
-@functools.cache
-def source():
-    return make_quadruped("standing", n_vertices=600)
-
-
-@functools.cache
-def target():
-    return make_quadruped("walking", n_vertices=500, meshing=1)
+source = functools.partial(dog, "standing", n_vertices=600)
+target = functools.partial(dog, "walking", n_vertices=500, meshing=1)
 
 
 @pytest.fixture(scope="module", autouse=True)

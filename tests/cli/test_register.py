@@ -8,25 +8,19 @@ import numpy as np
 import pytest
 import trimesh
 
+from animals import dog
 from sheets import make_egg
 from stones import write_stones
 from terminal import invoke
 from testshapes.damage import cut_discs, damaged_truth, keep
 from unbend import Mesh, read_mesh, write_mesh
 from unbend.correspondence import read_match, write_match
-from unbend.datasets import make_quadruped, rest_map
+from unbend.datasets import rest_map
 from unbend.io import write_map
 from unbend.matching import Match
 
-
-@functools.cache
-def template():
-    return make_quadruped("standing", n_vertices=600)
-
-
-@functools.cache
-def scan():
-    return make_quadruped("walking", n_vertices=500, meshing=1)
+template = functools.partial(dog, "standing", n_vertices=600)
+scan = functools.partial(dog, "walking", n_vertices=500, meshing=1)
 
 
 def run(*arguments):

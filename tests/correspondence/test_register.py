@@ -7,11 +7,12 @@ import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from animals import dog
 from testshapes.damage import cut_discs, damaged_truth
 from testshapes.scanning import add_components, sample_points, seen_from
 from unbend import Match, Mesh, register
 from unbend._types import IntArray
-from unbend.datasets import Shape, make_quadruped, make_sphere, rest_map
+from unbend.datasets import make_quadruped, make_sphere, rest_map
 from unbend.deformation import closest_faces
 from unbend.errors import InputError, MeshError
 
@@ -20,21 +21,9 @@ N, M = 1000, 1200
 EVERY = np.arange(N)
 
 
-@functools.cache
-def _template() -> Shape:
-    return make_quadruped("standing", n_vertices=N)
-
-
-@functools.cache
-def _posed() -> Shape:
-    """Another pose of the same mesh."""
-    return make_quadruped("galloping", n_vertices=N)
-
-
-@functools.cache
-def _scan() -> Shape:
-    """That pose meshed anew."""
-    return make_quadruped("galloping", n_vertices=M, meshing=1)
+_template = functools.partial(dog, "standing", n_vertices=N)
+_posed = functools.partial(dog, "galloping", n_vertices=N)  # another pose of the same mesh
+_scan = functools.partial(dog, "galloping", n_vertices=M, meshing=1)  # that pose meshed anew
 
 
 @functools.cache

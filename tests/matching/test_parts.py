@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from animals import person
 from sheets import make_sheet
 from testshapes.damage import cut, cut_discs, damaged_truth, keep
 from testshapes.scanning import add_components
 from unbend import evaluate, match
 from unbend._types import IntArray
 from unbend.datasets import Shape as ShapeWithTruth
-from unbend.datasets import make_biped, make_octopus, rest_map
+from unbend.datasets import make_octopus, rest_map
 from unbend.errors import UnbendWarning
 from unbend.matching import _constants as constants
 from unbend.matching._inputs import prepare_shape
@@ -30,14 +31,8 @@ from unbend.mesh import vertex_areas
 N = 600
 
 
-@functools.cache
-def _source() -> ShapeWithTruth:
-    return make_biped("standing", n_vertices=N)
-
-
-@functools.cache
-def _target() -> ShapeWithTruth:
-    return make_biped("walking", n_vertices=N, meshing=1)
+_source = functools.partial(person, "standing", n_vertices=N)
+_target = functools.partial(person, "walking", n_vertices=N, meshing=1)
 
 
 @functools.cache

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from animals import person
 from testshapes.damage import Damaged, keep
 from unbend import Mesh
 from unbend._types import IntArray
 from unbend.datasets import Shape as Body
-from unbend.datasets import make_biped, make_sphere, rest_map
+from unbend.datasets import make_sphere, rest_map
 from unbend.matching import _constants as constants
 from unbend.matching import _plan
 from unbend.matching._extremities import find_extremities
@@ -39,15 +40,8 @@ from unbend.matching._registration import Pose, Registered, mapped_start
 from unbend.matching._score import Candidate, scored
 from unbend.matching._shape import Shape, make_proxy
 
-
-@functools.cache
-def _source() -> Body:
-    return make_biped("standing", n_vertices=600)
-
-
-@functools.cache
-def _target() -> Body:
-    return make_biped("walking", n_vertices=500, meshing=1)
+_source = functools.partial(person, "standing", n_vertices=600)
+_target = functools.partial(person, "walking", n_vertices=500, meshing=1)
 
 
 @functools.cache
