@@ -11,7 +11,7 @@ from unbend._arrays import check_whole, is_number
 from unbend._display import Brief
 from unbend._memory import check_memory
 from unbend._parallel import one_blas_thread
-from unbend._types import FloatArray
+from unbend._types import FloatArray, IntArray
 from unbend.choices import AreaKind, LaplacianKind
 from unbend.errors import InputError, SolverError
 from unbend.io import MeshLike
@@ -24,7 +24,7 @@ from unbend.spectral._surface import Surface, make_surface, named
 _RESIDUAL = 1e-8  # the largest, relative, unless another is asked for
 # Part of the name of every cached file. Raise it whenever the eigenpairs of a mesh come out
 # otherwise: the Laplacian, the solver, the basis of a multiple eigenvalue, or the signs.
-_VERSION = 3
+_VERSION = 4
 # How far from orthonormal eigenfunctions may be, and residuals, as one random combination of the
 # pairs shows them, may exceed the tolerance: by as many times as chance makes of many pairs.
 _SKEW, _CHANCE = 1e-7, 100.0
@@ -168,13 +168,17 @@ def whole_eigenpairs(
 
     That is all but the last value's, or all there are. Null space, bases and signs are fixed.
     """
-    null = null_space(operator, count)
+    label = csgraph.connected_components(operator.stiffness, directed=False)[1]
+    null = null_space(operator, label, count)
     c = null.shape[1]
     if c == count:
         return np.zeros(count), fix_signs(null, operator.areas)
-    values, functions = smallest_eigenpairs(
-        operator.stiffness, operator.areas, count, tol=tolerance
-    )
+    if c == 1:
+        values, functions = smallest_eigenpairs(
+            operator.stiffness, operator.areas, count, tol=tolerance
+        )
+    else:
+        values, functions = _of_components(operator, label, count, tolerance)
     values[:c], functions[:, :c] = 0.0, null
     # Functions of values near 0 may have some of the null space in them.
     along = (operator.areas[:, None] * null).T @ functions
@@ -206,9 +210,38 @@ def _lacking(
     return ""
 
 
-def null_space(operator: Laplacian, most: int) -> FloatArray:
+def _of_components(
+    operator: Laplacian, label: IntArray, count: int, tolerance: float
+) -> tuple[FloatArray, FloatArray]:
+    """Lowest pairs of labelled components, each solved by itself; one 0 of each comes first.
+
+    As many are computed of each as its area lets expect, and more until the last is high enough.
+    """
+    rows = np.split(np.argsort(label, kind="stable"), np.cumsum(np.bincount(label))[:-1])
+    ks = [min(6 + int(count * operator.areas[own].sum()), len(own)) for own in rows]
+    found = [(np.zeros(0), np.zeros((0, 0)))] * len(rows)
+    most, short = count - len(rows), list(range(len(rows)))
+    while short:
+        for j in short:
+            stiffness, areas = operator.stiffness[rows[j]][:, rows[j]], operator.areas[rows[j]]
+            found[j] = smallest_eigenpairs(stiffness, areas, ks[j], tol=tolerance)
+        values = np.concatenate([own[1:] for own, _ in found])
+        lowest = np.argsort(values, kind="stable")[:most]
+        highest = values[lowest[-1]] if len(lowest) == most else np.inf
+        short = [j for j, own in enumerate(rows) if ks[j] < len(own) and found[j][0][-1] < highest]
+        for j in short:
+            ks[j] = min(2 * ks[j], len(rows[j]))
+    functions = np.zeros((len(label), count))
+    places = [(j, column) for j, k in enumerate(ks) for column in range(1, k)]
+    for i, one in enumerate(lowest, len(rows)):
+        j, column = places[one]
+        functions[rows[j], i] = found[j][1][:, column]
+    return np.append(np.zeros(len(rows)), values[lowest]), functions
+
+
+def null_space(operator: Laplacian, label: IntArray, most: int) -> FloatArray:
     """At most so many area-orthonormal functions constant on components; the first is on all."""
-    count, label = csgraph.connected_components(operator.stiffness, directed=False)
+    count = int(label.max()) + 1
     component_areas = np.bincount(label, operator.areas)
     # Columns of an orthogonal matrix. The first is the constant, in units of each component.
     basis = np.eye(count, min(count, most))
