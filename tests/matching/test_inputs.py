@@ -70,19 +70,27 @@ def test_a_surface_that_is_cut_along_a_seam_is_told() -> None:
         prepare_shape(Mesh(np.tile(ball.vertices, (2, 1)), faces), 10)
 
 
-@pytest.mark.parametrize(("size", "told"), [(9, "component 1 has over twice its area"), (1, "")])
-def test_it_is_told_if_a_component_of_fewer_vertices_has_most_of_the_area(
-    size: float, told: str
+@pytest.mark.parametrize(
+    ("size", "level", "told"),
+    [
+        (9, 1, "component 1 has over twice its area"),
+        (9, 2, "component 1 has over twice its area"),
+        (1, 2, "component 1 is nearly as large"),
+        (1, 1, ""),
+    ],
+)
+def test_it_is_told_if_another_component_may_be_the_body(
+    size: float, level: int, told: str
 ) -> None:
-    ball, coarse = make_sphere(2), make_sphere(1)
+    ball, other = make_sphere(2), make_sphere(level)
     mesh = Mesh(
-        np.concatenate([ball.vertices, coarse.vertices * size + 20]),
-        np.concatenate([ball.faces, coarse.faces + 162]),
+        np.concatenate([ball.vertices, other.vertices * size + 20]),
+        np.concatenate([ball.faces, other.faces + 162]),
     )
     with pytest.warns(UnbendWarning, match="largest component") as caught:
         prepare_shape(mesh, 10)
     assert told in str(caught[0].message)
-    assert bool(told) == ("area" in str(caught[0].message))
+    assert bool(told) == ("component 1 " in str(caught[0].message))
 
 
 def test_vertices_far_from_what_is_matched_are_no_landmarks_and_errors_there_are_large() -> None:

@@ -31,6 +31,7 @@ from unbend.spectral import Surface, eigenpairs, make_surface
 # Vertices of all meshes, above which the spectrum of one keeps every core busy and those of several
 # at once would take more memory than time.
 _SIDE_BY_SIDE = 200_000
+_NEARLY_LARGEST = 0.75  # With so large a share of its vertices, another mesh may change the order.
 _LIKELY = 0.05  # how surely faces face a way when another shape's that face the other are told
 
 
@@ -185,12 +186,15 @@ def _largest(mesh: Mesh) -> tuple[Mesh, IntArray, IntArray]:
         return mesh, np.arange(mesh.n_vertices), np.arange(mesh.n_faces)
     areas = np.bincount(components.of_vertex + 1, vertex_areas(mesh))[1:]
     widest = int(areas.argmax())
-    wider = f"; component {widest} has over twice its area: if that is the body, match it instead"
+    choice = ""
+    if areas[widest] > 2 * areas[0]:
+        choice = f"; component {widest} has over twice its area: if that is the body, match it instead"
+    elif components.n_vertices[1] > _NEARLY_LARGEST * components.n_vertices[0]:
+        choice = "; component 1 is nearly as large, so another file's largest may be another part"
     warn(
         f"{mesh.name}: its largest component is matched, {components.n_vertices[0]:,} of "
         f"{plural(mesh.n_vertices, 'vertex')}; {plural(n_others, 'smaller component')} "
         f"{'goes' if n_others == 1 else 'go'} along with what is nearest to it"
-        f"{wider if areas[widest] > 2 * areas[0] else ''}"
-        f"{describe_seams(mesh, components)}"
+        f"{choice}{describe_seams(mesh, components)}"
     )
     return restrict(mesh, components.of_vertex == 0)
