@@ -66,6 +66,7 @@ def test_the_page_tells_of_the_match_and_its_errors(blob: Mesh, found: Match) ->
     every = np.arange(642)
     truth = every[::2], every[::2]
     html = match_page(blob, blob, found, truth=truth, command="unbend match a b").html
+    assert re.sub("<.*?>", "", re.findall("<h1>.*</h1>", html)[0]) == f"{blob.name} → {blob.name}"
     assert "642 vertices matched to a shape of 642; confidence 0.75." in html
     assert "mean error" in html
     assert "points counted</th><td>321" in html

@@ -119,7 +119,7 @@ def form_page(
         },
         ["form.js"],
         path=path,
-        heading=f'{escape(mesh.name)}<span class="arrow">and</span>its canonical form',
+        heading=f'{escape(mesh.name)} <span class="arrow">and</span> its canonical form',
     )
 
 

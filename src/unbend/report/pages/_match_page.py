@@ -138,7 +138,7 @@ def match_page(
     if known is not None and not math.isnan(known.confidence):
         trust = f"; confidence {known.confidence:.2f}"
     title = f"{source.name} to {target.name}"
-    heading = f'{escape(source.name)}<span class="arrow">→</span>{escape(target.name)}'
+    heading = f'{escape(source.name)} <span class="arrow">→</span> {escape(target.name)}'
     lead = f"{part} vertices matched to a shape of {target.n_vertices:,}{trust}."
     if mirror:
         title, heading = f"Left and right of {source.name}", ""

@@ -102,7 +102,7 @@ def view(
         {"shapes": packed, "landmarks": [{"name": name, "at": at} for name, at in named]},
         ("landmarks.js", "view.js"),
         path=path,
-        heading='<span class="arrow">and</span>'.join(map(escape, names)),
+        heading=' <span class="arrow">and</span> '.join(map(escape, names)),
     )
 
 
