@@ -169,18 +169,26 @@ def test_a_finger_places_turns_and_drags(page) -> None:
         page.touch((x, y), (x - 60, y), (x - 90, y))
         assert changed(before, page.picture("#shape-0")) > 0.02
         assert table(page) == [[moved, -1]]
+        # Two fingers shift what they hold: a shape that is zoomed in is reached everywhere.
+        for kind, up in (("touchStart", 0), ("touchMove", 40)):
+            fingers = [{"x": x - 80 * i, "y": y - up, "id": i} for i in range(2)]
+            page.call("Input.dispatchTouchEvent", type=kind, touchPoints=fingers)
+        page.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+        shift, zoom = page.run("[View.all[0].camera.y, View.all[0].camera.zoom]")
+        assert shift == pytest.approx(2 * 40 / page.run("part('shape-0').clientHeight"), rel=0.05)
+        assert zoom == pytest.approx(1, rel=0.05)
     finally:
         page.call("Emulation.setTouchEmulationEnabled", enabled=False)
 
 
 def test_the_page_fits_a_telephone(page, screenshots) -> None:
-    page.resize(390, mobile=True)
+    page.resize(278, mobile=True)  # a frame in a window of 320
     page.click(*page.middle("#shape-0", 0.0, 0.1))
     wide = page.run("document.documentElement.scrollWidth")
     tall = page.run("part('landmarks').querySelector('button').clientHeight")
     page.picture(save=screenshots / "view-narrow.png")
     page.resize()
-    assert wide == 390
+    assert wide == 278
     assert tall == page.run("part('landmarks').querySelector('button').clientHeight")
 
 

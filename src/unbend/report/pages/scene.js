@@ -284,6 +284,7 @@ class View {
       if (other) {
         const apart = (one) => Math.hypot(one.clientX - other.clientX, one.clientY - other.clientY);
         this.camera.zoomBy(apart(event) / Math.max(apart(before), 1));
+        this.camera.shift(dx / canvas.clientWidth, -dy / canvas.clientHeight); // each finger half
       } else if (event.shiftKey || event.buttons & 2) {
         this.camera.shift(2 * dx / canvas.clientWidth, -2 * dy / canvas.clientHeight);
       } else {
