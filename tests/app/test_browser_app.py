@@ -91,6 +91,7 @@ def test_from_two_dropped_files_to_a_saved_map_with_hints(page, blobs, tmp_path,
     page.picture(save=screenshots / "app-shapes.png")
     press(page, "Place landmarks")
     page.wait_for("state.results.length === 1")
+    assert page.run("part('results-head').getBoundingClientRect().top") < 100  # what is new is seen
     # The page in the frame draws when it can be seen; a click is a landmark once it has drawn.
     for side, right in ((0, 0.27), (1, 0.75)):
         placed = f"placed[shown]?.some(({{at}}) => at[{side}] >= 0)"
@@ -275,6 +276,9 @@ def test_landmarks_outlast_their_tab_and_are_its_own_and_work_is_cancelled(page,
     page.run(f"localStorage.setItem('unbend', {other})")  # as another tab does
     press(page, "Match with these")
     page.wait_for("state.jobs.length === 1 && state.jobs[0].running")
+    shown = "(b => b.top >= 0 && b.bottom <= innerHeight)(part('working').getBoundingClientRect())"
+    page.run("scrollTo(0, document.body.scrollHeight)")
+    assert page.run(shown)
     (job,) = app.session._jobs.values()
     assert job["job"]["landmarks"] == ours
     press(page, "Cancel")

@@ -193,8 +193,8 @@ function panel(result) {
         make("div", { class: "row" }, button("Take this map", () => submit({ do: "choose", result: id, alternative: n }), { "aria-label": `Take map ${n + 2}` })))))));
   }
   if (usable && result.confidence) blocks.push(make("h3", {}, "Use this map"), uses(result));
-  blocks.push(make("h3", {}, "Save"), make("ul", { class: "files" },
-    result.page && result.do !== "landmarks" && make("li", {}, make("a", { href: `results/${id}/page?save`, download: true }, "report.html"), " this page, which opens anywhere"),
+  if (result.do !== "landmarks") blocks.push(make("h3", {}, "Save"), make("ul", { class: "files" },
+    result.page && make("li", {}, make("a", { href: `results/${id}/page?save`, download: true }, "report.html"), " this page, which opens anywhere"),
     ...result.files.map(({ name, about }, n) => make("li", {},
       make("a", { href: `results/${id}/files/${n}`, download: name }, name), ` ${about}`))));
   for (const [head, code] of [["The same from the command line", result.command], ["The same in Python", result.python]]) {
@@ -276,7 +276,10 @@ async function look() {
   const ready = fresh.some(({ id }) => id === kept.wanted);
   if (ready) remember({ result: kept.wanted, wanted: null });
   showResults();
-  if (ready) part("results-head").focus();
+  if (ready) {
+    part("results-head").focus();
+    part("results-head").scrollIntoView();
+  }
   for (const { id, text } of state.troubles) {
     if (!before.troubles.some((one) => one.id === id)) complain(text, id);
   }
