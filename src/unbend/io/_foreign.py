@@ -248,6 +248,8 @@ def _values(part: Any, linear: bool) -> dict[str, npt.NDArray[Any]]:
     if light is None and visual.kind == "vertex":
         light = visual.vertex_colors
     if light is not None and light.size:  # points without colours have none, not None
+        if light.dtype == np.uint32:  # as DracoPy gives 16 bits
+            light = light.astype(np.uint16)
         scale = np.iinfo(light.dtype).max if light.dtype.kind == "u" else 1
         shares = np.clip(light[:, :3] / scale, 0, 1)
         if light.shape[1] > 3:

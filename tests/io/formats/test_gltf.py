@@ -4,6 +4,7 @@ import base64
 import json
 import struct
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,9 @@ import pytest
 import trimesh
 
 from unbend import Mesh, write_mesh
-from unbend.errors import FileError, InputError
+from unbend.errors import FileError, InputError, UnbendWarning
 from unbend.io import read_mesh, read_values
+from unbend.io._foreign import _values
 
 QUAD = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype="<f4")
 FACES = np.array([[0, 1, 2], [0, 2, 3]], dtype="<u4")
@@ -80,6 +82,7 @@ def changed(where: str, value: Any) -> dict[str, Any]:
         ("accessors/1/sparse", {"count": 1}, "stores positions or faces sparsely"),
         ("accessors/0/normalized", True, "stores positions as normalized whole numbers"),
         ("meshes/0/primitives/0/mode", 6, "holds triangle fans"),
+        ("extensionsUsed", ["EXT_mesh_gpu_instancing"], "the glTF extension EXT_mesh_gpu_inst"),
     ],
 )
 def test_what_trimesh_would_read_wrong_is_refused(
@@ -152,12 +155,52 @@ def test_morph_targets_are_left_out_with_a_note(tmp_path: Path) -> None:
     assert len(read_mesh(tmp_path / "a.glb").notes) == 1
 
 
-def test_texture_coordinates_that_are_no_floats_are_left_out_with_a_note(tmp_path: Path) -> None:
-    given = changed("meshes/0/primitives/0/attributes/TEXCOORD_0", 2)
+@pytest.mark.parametrize("suffix", [".glb", ".gltf"])
+def test_colours_and_texture_coordinates_need_no_material(tmp_path: Path, suffix: str) -> None:
+    """Without one, trimesh takes the lower half of 16 bits: Blender's colours became others."""
+    path, given = tmp_path / f"a{suffix}", changed("accessors/2/normalized", True)
+    given["accessors"][2] |= {"type": "VEC4", "count": 4}
+    given["bufferViews"][2]["byteLength"] = 32
+    given["accessors"].append({"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC2"})
+    attributes = given["meshes"][0]["primitives"][0]["attributes"]
+    attributes |= {"COLOR_0": 2, "TEXCOORD_0": 4}
+    write(path, given)
+    shorts = np.frombuffer(SHARES.tobytes() + TO_BONE.T.astype("<f4").tobytes(), "<u2")[:16]
+    shares = shorts.reshape(4, 4)[:, :3] / 65535
+    shown = np.where(shares <= 0.0031308, shares * 12.92, 1.055 * shares ** (1 / 2.4) - 0.055)
+    with pytest.warns(UnbendWarning, match="transparency"):
+        found = read_values(path, name="color")
+    np.testing.assert_array_equal(found, np.rint(shown * 255))
+    first = np.ravel(QUAD)[:8].reshape(4, 2)
+    np.testing.assert_array_equal(read_values(path, name="uv"), first * [1, -1] + [0, 1])
+    given["meshes"][0]["primitives"][0]["mode"] = 0
+    write(path, given)
+    assert "colours of points left out, since they have 16 bits" in read_mesh(path).notes[1]
+
+
+def test_colours_of_16_bits_that_draco_gives_as_32_are_colours() -> None:
+    light = np.array([[65535, 0, 0, 65535]], dtype=np.uint32)
+    visual = SimpleNamespace(vertex_attributes={"color": light}, kind="texture")
+    assert _values(SimpleNamespace(visual=visual), linear=True)["color"].tolist() == [[255, 0, 0]]
+
+
+@pytest.mark.parametrize(
+    ("kind", "material", "why"),
+    [
+        (5123, {}, "they are not stored as floats"),
+        (5126, {"extensions": {"KHR_texture_transform": {"scale": [2, 2]}}}, "the file moves them"),
+    ],
+)
+def test_texture_coordinates_that_would_be_wrong_are_left_out_with_a_note(
+    tmp_path: Path, kind: int, material: dict[str, Any], why: str
+) -> None:
+    given = changed("meshes/0/primitives/0/attributes/TEXCOORD_0", 2 if kind == 5123 else 4)
+    given["accessors"].append({"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC2"})
     given["meshes"][0]["primitives"][0]["material"] = 0
-    given["materials"] = [{}]
+    given["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0} | material}}]
     write(tmp_path / "a.glb", given)
-    assert "texture coordinates left out" in read_mesh(tmp_path / "a.glb").notes[1]
+    note = f"texture coordinates left out, since {why}"
+    assert read_mesh(tmp_path / "a.glb").notes[1] == note
     with pytest.raises(InputError, match="no values per vertex"):
         read_values(tmp_path / "a.glb")
 

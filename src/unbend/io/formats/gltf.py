@@ -16,12 +16,13 @@ from unbend._types import FloatArray, IntArray
 from unbend.errors import FileError
 
 # As the specification numbers them.
-_FLOAT, _UNSIGNED_INT = 5126, 5125
+_UNSIGNED_SHORT, _UNSIGNED_INT, _FLOAT = 5123, 5125, 5126
 _POINTS, _TRIANGLES, _FAN = 0, 4, 6
 _VERTICES, _INDICES = 34962, 34963
 # Extensions that matter to looks, and one that allows whole numbers as positions.
 _HARMLESS = re.compile(r"[A-Z]+_(materials|texture|lights|animation|xmp)_\w+|KHR_mesh_quantization")
 DRACO = "KHR_draco_mesh_compression"
+_COPIES = "EXT_mesh_gpu_instancing"  # matters although files may call it not required
 
 
 def write(
@@ -116,10 +117,16 @@ def readable(suffix: str, data: bytes) -> tuple[bytes, list[str]]:
     ):
         raise FileError("its data are in other files: save it as .glb")
     _refuse(document)
-    notes = _without_coordinates(document) + _without_bones(document, data[at + size + 8 :])
-    if notes and suffix == ".gltf":
+    notes = _without_misread(document) + _without_bones(document, data[at + size + 8 :])
+    bare = [one for one in _primitives(document) if "material" not in one]
+    if bare:  # without one trimesh rounds or garbles colours, and drops texture coordinates
+        materials = document.setdefault("materials", [])
+        for one in bare:
+            one["material"] = len(materials)
+        materials.append({})
+    if (notes or bare) and suffix == ".gltf":
         data = json.dumps(document).encode()
-    elif notes:
+    elif notes or bare:
         rest = data[at + size :]
         data = _beginning(document, len(rest)) + rest
     meshes, nodes = document.get("meshes", []), document.get("nodes", [])
@@ -133,7 +140,8 @@ def _primitives(document: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _refuse(document: dict[str, Any]) -> None:
-    for name in document.get("extensionsRequired", []):
+    copies = {_COPIES} & {*document.get("extensionsUsed", [])}
+    for name in [*document.get("extensionsRequired", []), *copies]:
         is_draco = name == DRACO
         if not (find_spec("DracoPy") if is_draco else _HARMLESS.fullmatch(name)):
             advice = ": install DracoPy, or" if is_draco else ", which is not read;"
@@ -149,16 +157,24 @@ def _refuse(document: dict[str, Any]) -> None:
             raise FileError("stores positions as normalized whole numbers; save it as floats")
 
 
-def _without_coordinates(document: dict[str, Any]) -> list[str]:
-    """Take out texture coordinates that trimesh misreads."""
-    found = False
+def _without_misread(document: dict[str, Any]) -> list[str]:
+    """Take out texture coordinates and colours that trimesh misreads."""
+    accessors, notes = document.get("accessors", []), {}
     for one in _primitives(document):
-        if (key := one["attributes"].get("TEXCOORD_0")) is not None:
-            accessor = document["accessors"][key]
-            if accessor["componentType"] != _FLOAT or "sparse" in accessor:
-                del one["attributes"]["TEXCOORD_0"]
-                found = True
-    return ["texture coordinates left out, since they are not stored as floats"] * found
+        values = one["attributes"]
+        kinds = {name: accessors[key]["componentType"] for name, key in values.items()}
+        if "TEXCOORD_0" in values:
+            material = document.get("materials", [{}])[one.get("material", 0)]
+            moved = "KHR_texture_transform" in json.dumps(material)
+            sparse = "sparse" in accessors[values["TEXCOORD_0"]]
+            if moved or sparse or kinds["TEXCOORD_0"] != _FLOAT:
+                del values["TEXCOORD_0"]
+                why = "the file moves them" if moved else "they are not stored as floats"
+                notes[f"texture coordinates left out, since {why}"] = True
+        if one.get("mode") == _POINTS and kinds.get("COLOR_0") == _UNSIGNED_SHORT:
+            del values["COLOR_0"]
+            notes["colours of points left out, since they have 16 bits"] = True
+    return [*notes]
 
 
 def _without_bones(document: dict[str, Any], chunk: bytes) -> list[str]:
