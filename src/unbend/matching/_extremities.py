@@ -9,7 +9,7 @@ distance by about the same length.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from unbend._arrays import snap
 from unbend._parallel import run_all
-from unbend._types import FloatArray, IntArray
+from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.alignment import nearest_pairs
 from unbend.matching import _constants as constants
 from unbend.matching._shape import Shape
@@ -96,7 +96,7 @@ def limb_maps(ours: Extremities, theirs: Extremities) -> tuple[IntArray, IntArra
     (limb, along, trunk), (other, there, beyond) = (_coordinates(one) for one in (ours, theirs))
     lengths = np.sqrt(limb * other)
     between = [
-        np.maximum(one.distances - ends - ends[:, None], _NEAR)[np.triu_indices(len(ends), 1)].sum()
+        np.maximum(one.distances - ends - ends[:, None], _NEAR)[_pairs(len(ends))].sum()
         for one, ends in ((ours, limb), (theirs, other))
     ]
     size = np.sqrt(between[1] / between[0])
@@ -171,35 +171,48 @@ def _assignments(
         costs = _costs(few, many, partners, deviation)
         best = np.argsort(snap(costs), kind="stable")[: _WIDTH if extremity < n - 1 else count]
         partners = partners[best]
-    guesses = []
-    for row in partners:
-        mine = np.flatnonzero(row >= 0)
-        other, (i, j) = row[mine], np.triu_indices(len(mine), 1)
-        ratios = many[other[i], other[j]] / few[mine[i], mine[j]]
-        guesses.append((mine, other, float(np.exp(np.median(np.log(ratios))))))
-    return guesses
+    sizes = np.empty(len(partners))
+    for _, alike, lengths, distances in _between(few, many, partners):
+        sizes[alike] = np.exp(np.median(np.log(distances / lengths), axis=1))
+    return [
+        (np.flatnonzero(row >= 0), row[row >= 0], size)
+        for row, size in zip(partners, sizes.tolist(), strict=True)
+    ]
 
 
 def _costs(
     few: FloatArray, many: FloatArray, partners: IntArray, deviation: Deviation
 ) -> FloatArray:
     """Deviation of distances between extremities, and what those without partner cost."""
-    given = partners >= 0
-    counts = given.sum(axis=1)
-    costs = np.asarray(constants.LEFT_OUT * (~given).sum(axis=1), dtype=np.float64)
-    for m in np.unique(counts[counts >= _FEWEST]):
-        alike = counts == m
-        mine = np.nonzero(given[alike])[1].reshape(-1, m)
-        other = partners[alike][given[alike]].reshape(-1, m)
-        i, j = np.triu_indices(m, 1)
-        lengths, distances = few[mine[:, i], mine[:, j]], many[other[:, i], other[:, j]]
+    costs = np.asarray(constants.LEFT_OUT * (partners < 0).sum(axis=1), dtype=np.float64)
+    for m, alike, lengths, distances in _between(few, many, partners):
         costs[alike] += deviation(m, lengths, distances)
     return costs
 
 
+def _between(
+    few: FloatArray, many: FloatArray, partners: IntArray
+) -> Iterator[tuple[int, BoolArray, FloatArray, FloatArray]]:
+    """Give numbers of partners, which rows have so many, and distances (r, p) on either side."""
+    given = partners >= 0
+    counts = given.sum(axis=1)
+    for m in np.unique(counts[counts >= _FEWEST]):
+        alike = counts == m
+        mine = np.nonzero(given[alike])[1].reshape(-1, m)
+        other = partners[alike][given[alike]].reshape(-1, m)
+        i, j = _pairs(m)
+        yield m, alike, few[mine[:, i], mine[:, j]], many[other[:, i], other[:, j]]
+
+
+@functools.cache  # of few numbers, but asked for often
+def _pairs(n: int) -> tuple[IntArray, IntArray]:
+    """Give the pairs of n extremities, each once."""
+    return np.triu_indices(n, 1)
+
+
 def _of_logarithms(n: int, lengths: FloatArray, distances: FloatArray) -> FloatArray:
     """Every distance varies by a factor of its own, and by one for the limb at either end."""
-    rows, columns = np.triu_indices(n, 1)
+    rows, columns = _pairs(n)
     limbs = np.zeros((len(rows), n))
     limbs[np.arange(len(rows)), rows] = limbs[np.arange(len(rows)), columns] = 1
     values, vectors = np.linalg.eigh(np.eye(len(rows)) + limbs @ limbs.T)
