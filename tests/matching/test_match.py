@@ -413,6 +413,8 @@ def test_landmarks_that_are_no_pairs_are_refused() -> None:
     egg = make_egg(2)
     with pytest.raises(InputError, match=f"there is no vertex {egg.n_vertices}"):
         match(egg, egg, n_eigenpairs=20, landmarks=[(0, egg.n_vertices)])
+    with pytest.raises(InputError, match=f"there is no vertex {2**64 - 5}"):
+        match(egg, egg, n_eigenpairs=20, landmarks=np.array([[0, 2**64 - 5]], np.uint64))
     for wrong in ([1, 2], [[1, 2, 3]], [[[1, 2], [3, 4]]], 5):
         with pytest.raises(InputError, match="landmarks must be rows of two vertex numbers"):
             match(egg, egg, n_eigenpairs=20, landmarks=wrong)

@@ -101,6 +101,7 @@ def test_says_what_it_is():
         (VERTICES, FACES * 1.0, "whole numbers"),
         (VERTICES, FACES + 1, "face 1 names vertex 4, but the vertices are numbered 0 to 3"),
         (VERTICES, FACES - 1, "face 0 names vertex -1"),
+        (VERTICES, (FACES - 1).astype(np.uint64), "face 0 names vertex 18446744073709551615"),
         (VERTICES * [[1], [1], [np.nan], [1]], FACES, "vertex 2 is at"),
         (np.where(VERTICES == 1, np.inf, VERTICES), None, "vertex 1 is at"),
     ],

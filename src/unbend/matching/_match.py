@@ -288,7 +288,7 @@ def check_partial(partial: str) -> None:
 
 
 def landmark_pairs(landmarks: npt.ArrayLike, name: str = "landmarks") -> IntArray:
-    """Check that landmarks are rows of two whole numbers, or none; return them as (l, 2) int64."""
+    """Check that landmarks are rows of two whole numbers, or none; return them (l, 2)."""
     pairs = array_of(landmarks, name)
     if not pairs.size:
         return np.empty((0, 2), dtype=np.int64)
@@ -298,7 +298,7 @@ def landmark_pairs(landmarks: npt.ArrayLike, name: str = "landmarks") -> IntArra
             f"{name} must be rows of two vertex numbers, of the source and of the target, not an "
             f"array of shape {pairs.shape} and type {pairs.dtype}"
         )
-    return pairs.astype(np.int64)
+    return pairs
 
 
 def _landmark_hints(

@@ -136,7 +136,7 @@ def _face_array(faces: Any, n_vertices: int, name: str) -> IntArray:
     if outside.any():
         face = np.flatnonzero(outside)[0] // 3
         raise MeshError(
-            f"{name}: face {face} names vertex {faces[outside][0]}, but the vertices are numbered "
+            f"{name}: face {face} names vertex {array[outside][0]}, but the vertices are numbered "
             f"0 to {n_vertices - 1}; correct or remove that face"
         )
     return np.asarray(faces)
