@@ -9,6 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from unbend._cgroups import control_groups
+from unbend._text import gib
 from unbend.errors import InputError, MeshError
 
 # Memory that a process may take in all, in GiB, whatever the system says. Local workers share it.
@@ -64,9 +65,8 @@ def _refuse_more(needed: int, what: str) -> None:
     there = available_memory()
     if there is not None and needed > there:
         raise MeshError(
-            f"{what} about {needed / 2**30:.1f} GiB of memory and {there / 2**30:.1f} GiB are "
-            "free; reduce the mesh to fewer vertices first; if there is more, say so with "
-            f"--memory-limit ({LIMIT_VARIABLE})"
+            f"{what} about {gib(needed)} of memory and {gib(there)} are free; reduce the mesh to "
+            f"fewer vertices first; if there is more, say so with --memory-limit ({LIMIT_VARIABLE})"
         )
 
 

@@ -18,6 +18,12 @@ def plural(number: int, noun: str) -> str:
     return f"{number:,} {noun}"
 
 
+def gib(n_bytes: float) -> str:
+    """Write a size: ``2.0 GiB``, or ``3 MiB`` where tenths of a GiB say nothing."""
+    size = n_bytes / 2**30
+    return f"{size:,.1f} GiB" if size >= 0.1 else f"{size * 1024:.0f} MiB"
+
+
 def quoted(*words: str) -> str:
     """Put words together as this system's shell takes them."""
     shown = [printable(word) for word in words]

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from unbend._arrays import check_whole
 from unbend._memory import available_memory
-from unbend._text import plural
+from unbend._text import gib, plural
 from unbend._types import FloatArray, Progress, StrPath
 from unbend.choices import Partial, Rerank
 from unbend.collection._adding import add_files
@@ -218,8 +218,8 @@ class Collection:
         free, needed = available_memory(), 3 * 8 * n**2
         if free is not None and needed > free:
             raise InputError(
-                f"all pairs of {n:,} shapes need {needed / 2**30:.1f} GiB of memory and "
-                f"{free / 2**30:.1f} GiB are free; search the collection instead, or export it"
+                f"all pairs of {n:,} shapes need {gib(needed)} of memory and {gib(free)} are "
+                "free; search the collection instead, or export it"
             )
         rows = {row["id"]: row["descriptor"] for row in self._store.select(["id", "descriptor"])}
         entries = sorted((one for one in self if one.id in rows), key=lambda one: one.path)

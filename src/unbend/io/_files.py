@@ -16,6 +16,7 @@ from types import SimpleNamespace
 from typing import Any, BinaryIO
 
 from unbend._memory import available_memory
+from unbend._text import gib
 from unbend._types import StrPath
 from unbend.errors import FileError, MeshError, file_errors
 
@@ -71,8 +72,8 @@ def read_bytes(path: Path, suffixes: Collection[str]) -> bytes:
         free = available_memory() if status.st_size > 2**20 else None
         if free is not None and status.st_size > free:
             raise FileError(
-                f"cannot read {path}: it has {status.st_size / 2**30:,.0f} GiB, and "
-                f"{free / 2**30:,.1f} GiB of memory are free"
+                f"cannot read {path}: it has {gib(status.st_size)}, and {gib(free)} of memory are "
+                "free"
             )
         data = path.read_bytes()
     except FileNotFoundError:
