@@ -47,7 +47,7 @@ def test_add_lists_what_failed_and_says_so(folder: Path, tmp_path: Path) -> None
     done = run(*arguments, "--workers", 0)
     assert done.exit_code == 1
     told = [line for line in done.stderr.splitlines() if not line.startswith("progress: ")]
-    assert told[0].startswith(f"failed: {tmp_path}/torn.ply: torn.ply: truncated")
+    assert told[0].startswith(f"failed: {tmp_path}/torn.ply: truncated")
     assert done.stdout.startswith("added 1, there before 0, failed 1; ")
     again = run(*arguments, "--workers", 0, "--json")
     assert again.exit_code == 1

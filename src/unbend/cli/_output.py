@@ -172,8 +172,9 @@ def shown_shape(
 def list_failures(failures: Iterable[unbend.collection.Failure]) -> None:
     """Name on stderr what could not be done, each with its reason."""
     for failure in failures:
-        name = " -> ".join(shown(path) for path in failure.path.split(" -> "))
-        say("failed", f"{name}: {failure.reason}")
+        paths = [shown(path) for path in failure.path.split(" -> ")]
+        repeated = f"{os.path.basename(paths[0])}: " if len(paths) == 1 else ""
+        say("failed", f"{' -> '.join(paths)}: {failure.reason.removeprefix(repeated)}")
 
 
 def tell(
