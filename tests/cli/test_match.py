@@ -134,6 +134,8 @@ def test_match_takes_a_component(tmp_path: Path) -> None:
     # Of both shapes the second is taken, which need not be the same part.
     swapped = np.vstack([stone.vertices / 9, ball.vertices + 9])
     write_mesh(tmp_path / "other.ply", (swapped, np.vstack([stone.faces, ball.faces + 162])))
+    done = right("match", other, tmp_path / "other.ply", "--no-refine", "-o", tmp_path / "map.npz")
+    assert "next: if the body of other.ply is component 1, add --component 1\n" in done.stdout
     twice = ["match", tmp_path / "two.ply", tmp_path / "other.ply", "--component", "1"]
     done = right(*twice, "--no-refine")
     assert "component 1 is 42 vertices of two.ply, 42 vertices of other.ply: numbers" in done.stderr

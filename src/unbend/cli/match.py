@@ -112,6 +112,10 @@ def match(
         paths = f"{quoted(source, target)} --map {quoted(map_out)}"
         next_step = f"unbend transfer {paths} --values VALUES.npy -o OUT.npy"
         next_step += f" --component {component}" if component is not None else ""
+    for shape in shapes if component is None else ():
+        pieces = unbend.mesh.find_components(shape.faces, shape.n_vertices)
+        if wider := unbend.matching.wider_component(shape, pieces):
+            next_step = f"if the body of {shape.name} is component {wider}, add --component {wider}"
     if colored is not None:
         colors = unbend.report.match_colors(shapes[0], shapes[1], found)
         for i, original in enumerate((source, target)):

@@ -1,5 +1,6 @@
 """Matching two deformable shapes, and one with its own mirror image."""
 
+from unbend.matching._inputs import wider_component
 from unbend.matching._match import check_partial, landmark_pairs, match, prepare_spectrum, symmetry
 from unbend.matching._result import Hypothesis, Match, warn_of_disorder
 
@@ -12,4 +13,5 @@ __all__ = [
     "prepare_spectrum",
     "symmetry",
     "warn_of_disorder",
+    "wider_component",
 ]

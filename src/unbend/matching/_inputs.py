@@ -18,6 +18,7 @@ from unbend.io import MeshLike, as_mesh
 from unbend.matching import _constants as constants
 from unbend.matching._shape import Shape, make_shape
 from unbend.mesh import (
+    Components,
     Mesh,
     find_components,
     orient_consistently,
@@ -184,11 +185,9 @@ def _largest(mesh: Mesh) -> tuple[Mesh, IntArray, IntArray]:
     n_others = len(components.n_vertices) - 1
     if n_others < 1:
         return mesh, np.arange(mesh.n_vertices), np.arange(mesh.n_faces)
-    areas = np.bincount(components.of_vertex + 1, vertex_areas(mesh))[1:]
-    widest = int(areas.argmax())
     choice = ""
-    if areas[widest] > 2 * areas[0]:
-        choice = f"; component {widest} has over twice its area: if that is the body, match it instead"
+    if wider := wider_component(mesh, components):
+        choice = f"; component {wider} has over twice its area: if that is the body, match it instead"
     elif components.n_vertices[1] > _NEARLY_LARGEST * components.n_vertices[0]:
         choice = "; component 1 is nearly as large, so another file's largest may be another part"
     warn(
@@ -198,3 +197,9 @@ def _largest(mesh: Mesh) -> tuple[Mesh, IntArray, IntArray]:
         f"{choice}{describe_seams(mesh, components)}"
     )
     return restrict(mesh, components.of_vertex == 0)
+
+
+def wider_component(mesh: Mesh, components: Components) -> int:
+    """Component of the largest area, if over twice that of the one with most vertices; or 0."""
+    areas = np.bincount(components.of_vertex + 1, vertex_areas(mesh))[1:]
+    return int(areas.argmax()) if areas.max(initial=0) > 2 * areas[:1].sum() else 0
