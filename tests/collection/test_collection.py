@@ -3,6 +3,7 @@
 import csv
 import math
 import os
+import pickle
 import shutil
 import signal
 import subprocess
@@ -49,6 +50,7 @@ def test_it_begins_empty_and_leaves_no_trace(tmp_path: Path) -> None:
 
 def test_it_shows_where_it_is_and_how_large(filled: Collection) -> None:
     assert repr(filled) == f"Collection({filled.path!r}, 8 shapes)"
+    assert repr(pickle.loads(pickle.dumps(filled))) == repr(filled)
 
 
 def test_a_shape_finds_itself_then_those_like_it(filled: Collection, stones: Path) -> None:

@@ -3,6 +3,7 @@
 import io
 import itertools
 import logging
+import multiprocessing
 import os
 import signal
 import sys
@@ -142,6 +143,12 @@ def test_mistakes() -> None:
     ):
         with pytest.raises(InputError, match=sentence), engine(**options):
             pass
+
+
+def test_daemonic_processes_have_no_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(multiprocessing, "current_process", lambda: SimpleNamespace(daemon=True))
+    with engine(workers=1) as run, pytest.raises(InputError, match="use workers=0"):
+        list(run(abs, [1]))
 
 
 def test_nobody_answers(monkeypatch: pytest.MonkeyPatch) -> None:

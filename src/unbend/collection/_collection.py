@@ -72,6 +72,10 @@ class Collection:
     def __init__(self, path: StrPath) -> None:
         self._store = Store(path)
 
+    def __reduce__(self) -> tuple[type[Collection], tuple[str]]:
+        """Pickle the path alone: its copies open the table themselves."""
+        return type(self), (self.path,)
+
     @property
     def path(self) -> str:
         """Where the collection is."""

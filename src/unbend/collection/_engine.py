@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import itertools
 import logging
+import multiprocessing
 import os
 import queue
 import signal
@@ -246,6 +247,8 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
             _wait_for_workers(client, f"dask worker {scheduler} starts one")
             yield client
         return
+    if multiprocessing.current_process().daemon:
+        raise InputError("a daemonic process can start no workers; use workers=0")
     count, share, memory = _local_shape(workers)
     settings = {
         # The engine itself tries again, one item at a time.
