@@ -74,7 +74,7 @@ def _inputs() -> Iterator[Case]:
         ("a link to nothing", lambda path: path.symlink_to("nowhere.off"), "no such file"),
         ("a link to itself", lambda path: path.symlink_to(path.name), "cannot read bad.off"),
         ("not there", lambda path: None, "no such file"),
-        ("8 TB", _sparse, "it has 8,192 GiB"),
+        ("8 TB", _sparse, "it has 8,192.0 GiB"),
     )
     for i, (name, make, sentence) in enumerate(kinds):
         commands = in_turn(reading("bad.off"), i)
