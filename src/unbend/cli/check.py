@@ -109,13 +109,14 @@ def _details(shape: unbend.Mesh, health: unbend.preparation.Diagnosis) -> list[s
         several = f"matches the largest; else needs --component largest (vertices: {sizes})"
         loops = "1 loop" if health.boundary_loops == 1 else f"{health.boundary_loops:,} loops"
         boundary = "closed" if health.closed else f"keeps them ({loops})"
+        long = "; divide long ones to match" if health.edge_max > health.area**0.5 / 2 else ""
         lines += [
             ("faces", f"{health.n_faces:,}", ""),
             ("components", f"{health.n_components:,}", "" if health.n_components == 1 else several),
             ("boundary edges", f"{health.boundary_edges:,}", boundary),
             ("genus", "-" if health.genus is None else str(health.genus), ""),
             ("area", f"{health.area:.4g}", ""),
-            ("edge length", " / ".join(f"{x:.3g}" for x in lengths), "min / median / max"),
+            ("edge length", " / ".join(f"{x:.3g}" for x in lengths), f"min / median / max{long}"),
         ]
     collapsed, branching = "leaves them out", "leaves out the faces that repeat others"
     if health.robust_needed:
