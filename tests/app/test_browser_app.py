@@ -154,6 +154,9 @@ def test_a_bad_file_is_a_sentence_beside_good_ones(page, blobs, tmp_path, screen
     page.choose_file("#choose", tmp_path / "text.docx")
     page.wait_for("part('troubles').textContent.includes('text.docx')")
     assert page.run("part('troubles').getBoundingClientRect().top") >= 0  # it is seen
+    gone = "(g => { g.hidden = false; return [g.innerText, g.getBoundingClientRect().top] })"
+    sentence, top = page.run(f"{gone}(part('gone'))")  # hidden again by the next look
+    assert (sentence.count("\n"), top >= 0) == (0, True)
     press(page, "Close")
     (tmp_path / "scans.ply").mkdir()
     page.drop(*page.middle("#drop"), tmp_path / "scans.ply", blobs[1])
