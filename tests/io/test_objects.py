@@ -171,19 +171,19 @@ def test_a_gltf_names_no_file_that_is_opened(tmp_path: Path) -> None:
         read_mesh(tmp_path / "a.gltf")
 
 
-def test_a_vtk_file_is_read_with_meshio(tmp_path: Path) -> None:
+def test_a_vtu_file_is_read_with_meshio(tmp_path: Path) -> None:
     meshio = pytest.importorskip("meshio")
     meshio.Mesh(QUAD, [("triangle", FACES)], point_data={"heat": [1.0, 2, 3, 4]}).write(
-        tmp_path / "a.vtk"
+        tmp_path / "a.vtu"
     )
-    mesh = read_mesh(tmp_path / "a.vtk")
+    mesh = read_mesh(tmp_path / "a.vtu")
     np.testing.assert_array_equal(mesh.faces, FACES)
     assert mesh.notes[0] == "read by meshio"
 
 
 @pytest.mark.parametrize(
     ("suffix", "why"),
-    [(".vtk", "Illegal VTK header"), (".vtu", "it is damaged, or no .vtu file")],
+    [(".mesh", "Unknown keyword 'nothing'."), (".vtu", "it is damaged, or no .vtu file")],
 )
 def test_what_meshio_says_is_the_reason(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], suffix: str, why: str
@@ -218,7 +218,7 @@ def test_threads_that_read_with_meshio_leave_standard_output_alone(
 
 @pytest.mark.parametrize(
     ("suffix", "program"),
-    [(".glb", "trimesh"), (".vtk", "meshio"), (".gii", "nibabel"), (".pial", "nibabel")],
+    [(".glb", "trimesh"), (".vtu", "meshio"), (".gii", "nibabel"), (".pial", "nibabel")],
 )
 def test_without_the_program_it_is_named(tmp_path: Path, monkeypatch, suffix, program) -> None:
     monkeypatch.setitem(__import__("sys").modules, program, None)

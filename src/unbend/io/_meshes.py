@@ -40,10 +40,11 @@ def read_mesh(path: StrPath) -> Mesh:
     Parameters
     ----------
     path : path
-        .off (also COFF, NOFF), .obj, .ply (text or binary), .stl, .vtk (POLYDATA, VTK's surfaces),
-        .xyz (one point per line) or .npy (an (n, 3) array of points). Trimesh, if it is installed,
-        reads .glb, .gltf, .3mf and .dae; meshio reads .vtk of grids, .vtu, .msh, .mesh, .inp and
-        .bdf; nibabel reads .gii and FreeSurfer's .pial, .white, .inflated and .sphere.
+        .off (also COFF, NOFF), .obj, .ply (text or binary), .stl, .vtk (VTK's POLYDATA, and the
+        polygons of an UNSTRUCTURED_GRID), .xyz (one point per line) or .npy (an (n, 3) array of
+        points). Trimesh, if it is installed, reads .glb, .gltf, .3mf and .dae; meshio reads .vtu,
+        .msh, .mesh, .inp and .bdf; nibabel reads .gii and FreeSurfer's .pial, .white, .inflated and
+        .sphere.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""VTK's older files of surfaces, in text and binary, with the cells of old and new versions."""
+"""VTK's older files, in text and binary, with the cells of old and new versions."""
 
 import re
 from pathlib import Path
@@ -42,7 +42,7 @@ def a_file(binary: bool = False, new: bool = False) -> bytes:
             + numbers(range(5), dtype=">f8"),
             b"POINT_DATA 5\nSCALARS region%20of int\nLOOKUP_TABLE table\n" + numbers(LABELS),
             b"LOOKUP_TABLE table 1\n" + (bytes(4) if binary else b"0 0 0 1") + b"\n",
-            b"COLOR_SCALARS paint 1\n" + (bytes(5) if binary else b"0 0 0 0 1") + b"\n",
+            b"COLOR_SCALARS paint 1\n" + (b"\0\0\0\0\xff" if binary else b"0 0 0 0 1") + b"\n",
             b"NORMALS n float\n" + numbers(POINTS, dtype=">f4"),
             b"TEXTURE_COORDINATES uv 2 double\n" + numbers(HEAT, dtype=">f8"),
             b"FIELD FieldData 1\nheat 2 5 double\n" + numbers(HEAT, dtype=">f8"),
@@ -64,6 +64,36 @@ def test_a_surface_is_read_with_its_values(tmp_path: Path, binary: bool, new: bo
     for name in ("heat", "uv"):
         np.testing.assert_array_equal(read_values(path, name=name), HEAT)
     np.testing.assert_array_equal(read_values(path, name="n"), POINTS)
+    assert read_values(path, name="paint").tolist() == [0, 0, 0, 0, 255]
+
+
+@pytest.mark.parametrize("binary", [False, True])
+@pytest.mark.parametrize("new", [False, True])
+def test_polygons_of_a_grid_are_read(tmp_path: Path, binary: bool, new: bool) -> None:
+    path, data = tmp_path / "a.vtk", a_file(binary, new)
+    data = data.replace(b"POLYDATA", b"UNSTRUCTURED_GRID").replace(b"POLYGONS", b"CELLS")
+
+    def grid(*types: int) -> None:
+        flat = np.array(types, dtype=">i4")
+        numbers = flat.tobytes() if binary else " ".join(map(str, types)).encode()
+        kinds = b"CELL_TYPES %d\n" % len(types) + numbers + b"\nCELL_DATA"
+        path.write_bytes(data.replace(b"CELL_DATA", kinds))
+
+    grid(9, 5, 5, 7, 5)
+    assert read_mesh(path).faces.tolist()[1:3] == [[0, 2, 1], [0, 1, 4]]
+    np.testing.assert_array_equal(read_values(path, name="region of"), LABELS)
+    grid(10, 5, 3, 7, 5)
+    mesh = read_mesh(path)
+    assert mesh.faces.tolist() == [[0, 1, 4], [2, 3, 4], [3, 0, 4]]
+    assert mesh.notes == ("1 cell left out that is no polygon",)
+    for types, problem in (
+        ([10] * 5, "5 cells, but no polygons: save its surface"),
+        ([5] * 4 + [6], "triangle strips"),
+        ([5] * 4, "has 5 cells, but 4 types"),
+    ):
+        grid(*types)
+        with pytest.raises(FileError, match=problem):
+            read_mesh(path)
 
 
 @pytest.mark.parametrize(
@@ -71,6 +101,8 @@ def test_a_surface_is_read_with_its_values(tmp_path: Path, binary: bool, new: bo
     [
         (b"POINTS 5 float", b"POINTS 500 float", "truncated: it promises 1500 numbers of POINTS"),
         (b"POINTS 5 float", b"POINTS 5 bit", "POINTS holds 'bit', not a type of numbers"),
+        (b"POLYDATA", b"STRUCTURED_GRID", "holds STRUCTURED_GRID, which is no surface"),
+        (b"DATASET", b"DATA", "not a VTK file"),
         (b"POINTS 5", b"POINTS -5", "'-5' is not a number of rows"),
         (b"POINTS 5", b"POINTS 0", "a line holds '0.0 0.0"),
         (b"1.0 1.0 0.0", b"1.0 x 0.0", "POINTS, block 0 holds 'x', not a number"),

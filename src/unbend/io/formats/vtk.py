@@ -1,4 +1,4 @@
-"""VTK's older files (.vtk) of surfaces, called POLYDATA: text or binary, of all versions."""
+"""VTK's older files (.vtk) of surfaces and of grids with cells: text or binary, of all versions."""
 
 from __future__ import annotations
 
@@ -9,30 +9,32 @@ from urllib.parse import unquote
 import numpy as np
 import numpy.typing as npt
 
+from unbend._text import plural
 from unbend._types import IntArray
 from unbend.errors import FileError
 from unbend.io.formats.contents import Contents, count, misfit, numbers_in, triangulate
 
-_START = re.compile(rb"# vtk DataFile.* (\d)\.\d.*\n.*\n\s*(ASCII|BINARY)\s+DATASET\s+POLYDATA\b")
+_START = re.compile(rb"# vtk DataFile.* (\d)\.\d.*\n.*\n\s*(ASCII|BINARY)\s+DATASET\s+(\w+)")
 _TYPES = {
     "char": "i1", "unsigned_char": "u1", "short": "i2", "unsigned_short": "u2",
     "int": "i4", "unsigned_int": "u4", "long": "i8", "unsigned_long": "u8", "vtkidtype": "i4",
     "vtktypeint64": "i8", "vtktypeuint64": "u8", "float": "f4", "double": "f8",
 }  # fmt: skip
+_STRIPS = "holds triangle strips, which unbend cannot read; save triangles"
 _AT_ONCE = 1000  # numbers: where one is none, the block that holds it is named
-_CELLS = ("VERTICES", "LINES", "POLYGONS", "TRIANGLE_STRIPS")
+_CELLS = ("VERTICES", "LINES", "POLYGONS", "TRIANGLE_STRIPS", "CELLS")
+# Types of the cells of a grid, as VTK numbers them.
+_POLYGONS, _STRIP, _POINTS_AND_LINES = (5, 7, 9), 6, (1, 2, 3, 4)
 _WIDTHS = {"VECTORS": "3", "NORMALS": "3", "TENSORS6": "6", "TENSORS": "9"}
-
-
-def is_polydata(data: bytes) -> bool:
-    """Whether a .vtk file holds a surface, not a grid."""
-    return _START.match(data) is not None
 
 
 class _Reader:
     def __init__(self, data: bytes) -> None:
         start = _START.match(data)
-        assert start is not None
+        if start is None:
+            raise FileError("not a VTK file: it does not start with # vtk DataFile, and a DATASET")
+        if start[3] not in (b"POLYDATA", b"UNSTRUCTURED_GRID"):
+            raise FileError(f"holds {start[3].decode()}, which is no surface; save its surface")
         self.data, self.at = data, start.end()
         self.new, self.binary = int(start[1]) >= 5, start[2] == b"BINARY"
 
@@ -96,6 +98,7 @@ def read(data: bytes) -> Contents:
     """Read positions and polygons, and the values of points."""
     file, rows = _Reader(data), "0"
     vertices, cells = np.empty((0, 3)), (np.empty(0, np.int64), np.empty(0, np.int64))
+    types: npt.NDArray[Any] | None = None
     values: dict[str, npt.NDArray[Any]] = {}
     arrays: dict[str, npt.NDArray[Any]] = {}  # those of the whole, of points, or of cells
     while (words := file.line())[0]:
@@ -105,8 +108,10 @@ def read(data: bytes) -> Contents:
         elif key in _CELLS:
             found = file.cells(key, name, size)
             if key == "TRIANGLE_STRIPS" and len(found[0]):
-                raise FileError("holds triangle strips, which unbend cannot read; save triangles")
-            cells = found if key == "POLYGONS" else cells
+                raise FileError(_STRIPS)
+            cells = found if key in ("POLYGONS", "CELLS") else cells
+        elif key == "CELL_TYPES":
+            types = file.array(key, name, "1", "int").ravel()
         elif key in ("POINT_DATA", "CELL_DATA"):
             arrays, rows = values if key == "POINT_DATA" else {}, name
         elif key == "FIELD":
@@ -123,14 +128,36 @@ def read(data: bytes) -> Contents:
         elif key in ("COLOR_SCALARS", "LOOKUP_TABLE"):
             kind = "unsigned_char" if file.binary else "float"
             n_rows, width = (rows, size) if key == "COLOR_SCALARS" else (size, "4")
-            file.array(name, n_rows, width, kind)
+            colors = file.array(name, n_rows, width, kind)
+            if key == "COLOR_SCALARS":  # in text shares of 255
+                arrays[name] = colors if file.binary else np.rint(colors * 255).astype(np.uint8)
         else:
             unread = " ".join(words).strip()
             raise misfit("a line", unread, ", which unbend cannot read; save it as .ply")
+    cells, left = _polygons(*cells, types)
     faces, notes = triangulate(*cells, vertices)
     per_point = {
         unquote(name): array[:, 0] if array.shape[1] == 1 else array
         for name, array in values.items()
         if len(array) == len(vertices)
     }
-    return Contents(vertices, faces, tuple(notes), lambda: per_point)
+    return Contents(vertices, faces, tuple(notes + left), lambda: per_point)
+
+
+def _polygons(
+    sizes: IntArray, corners: IntArray, types: npt.NDArray[Any] | None
+) -> tuple[tuple[IntArray, IntArray], list[str]]:
+    """Keep the polygons among the cells of a grid, and say what is left out."""
+    if types is None:
+        return (sizes, corners), []
+    if len(types) != len(sizes):
+        raise FileError(f"has {len(sizes)} cells, but {len(types)} types of cells")
+    if (types == _STRIP).any():
+        raise FileError(_STRIPS)
+    ours = np.isin(types, _POLYGONS)
+    n_others = int((~ours & ~np.isin(types, _POINTS_AND_LINES)).sum())
+    if n_others and not ours.any():
+        raise FileError(f"holds {plural(n_others, 'cell')}, but no polygons: save its surface")
+    are = "is no polygon" if n_others == 1 else "are no polygons"
+    left = [f"{plural(n_others, 'cell')} left out that {are}"] if n_others else []
+    return (sizes[ours], corners[np.repeat(ours, sizes)]), left
