@@ -1,6 +1,7 @@
 """Landmarks of 3D Slicer and in tables: in, out, paired, and refused where they do not fit."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -89,6 +90,12 @@ def test_fcsv(tmp_path: Path, axes: str | None, sign: int) -> None:
     labels, vertices = read_markups(path, CUBE)
     assert labels == ["nose, left", "tail"]
     assert vertices.tolist() == [4, 5]
+    path.write_text(path.read_text().replace("vertex 5,", "vertex 5,,2,0"))  # as newer ones end
+    assert read_markups(path, CUBE)[1].tolist() == [4, 5]
+    for status in "03":
+        path.write_text(re.sub(r"5,,\d", f"5,,{status}", path.read_text()))
+        with pytest.raises(FileError, match="point 'tail' has no position"):
+            read_markups(path, CUBE)
 
 
 @pytest.mark.parametrize(

@@ -77,6 +77,15 @@ def test_properties_are_read_by_name(tmp_path: Path, encoding: str) -> None:
         read_values(path, name="nx")
 
 
+@pytest.mark.parametrize("most", [255, 65535])
+def test_colours_of_16_bits_are_colours(tmp_path: Path, most: int) -> None:
+    header = ply("ascii").decode().split("end_header")[0].replace("float red", "ushort red")
+    header = header.replace("float green", "ushort green").replace("float blue", "ushort blue")
+    path = tmp_path / "a.ply"
+    path.write_text(f"{header}end_header\n3 0 0 0 0 1 1 {most} 0 0\n3 0 1 2 3 1 1 0 0 {most}\n")
+    assert read_values(path, name="color").tolist() == [[255, 0, 0], [0, 0, 255]]
+
+
 @pytest.mark.parametrize("most", [1.0000004, 1.02])
 def test_float_colours_a_little_above_one_are_shares(tmp_path: Path, most: float) -> None:
     path = tmp_path / "a.obj"

@@ -183,7 +183,10 @@ def test_a_vtu_file_is_read_with_meshio(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("suffix", "why"),
-    [(".mesh", "Unknown keyword 'nothing'."), (".vtu", "it is damaged, or no .vtu file")],
+    [
+        (".mesh", "Unknown keyword 'nothing'."),
+        (".inp", "it is damaged, or no .inp file that it knows"),
+    ],
 )
 def test_what_meshio_says_is_the_reason(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], suffix: str, why: str
@@ -194,6 +197,15 @@ def test_what_meshio_says_is_the_reason(
         read_mesh(tmp_path / f"a{suffix}")
     assert str(caught.value) == f"a{suffix}: meshio cannot read it: {why}"
     assert capsys.readouterr() == ("", "")  # JSON may go there
+
+
+@pytest.mark.parametrize("text", ["BEGIN BULK\n", "ENDDATA\nBEGIN BULK\n\n"])
+def test_a_bdf_file_cut_off_is_refused(tmp_path: Path, text: str) -> None:
+    """Meshio reads on for ever."""
+    pytest.importorskip("meshio")
+    (tmp_path / "a.bdf").write_text(text)
+    with pytest.raises(FileError, match=r"a\.bdf: truncated: it lacks the line BEGIN BULK, or"):
+        read_mesh(tmp_path / "a.bdf")
 
 
 def test_threads_that_read_with_meshio_leave_standard_output_alone(

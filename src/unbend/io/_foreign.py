@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -121,11 +122,14 @@ def read_foreign(path: Path, data: bytes) -> Contents:
             return _by_trimesh(suffix, data)
         if suffix in _NIBABEL:
             return _by_nibabel(path, data)
+        if suffix == ".bdf" and not re.search(rb"BEGIN BULK.*\nENDDATA", data, re.DOTALL):
+            raise FileError("truncated: it lacks the line BEGIN BULK, or ENDDATA after it")
         return _by_meshio(path)
     except InputError:
         raise
     except Exception as error:  # their readers raise anything
-        why = str(error) or f"it is damaged, or no {suffix} file"
+        told = not isinstance(error, (LookupError, TypeError, AttributeError)) and str(error)
+        why = told or f"it is damaged, or no {suffix} file that it knows"
         raise FileError(f"{program} cannot read it: {why}") from error
 
 

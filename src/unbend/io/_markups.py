@@ -269,11 +269,22 @@ def _mrk_json(data: bytes) -> list[_Point]:
 
 
 def _fcsv(data: bytes) -> list[_Point]:
-    """Rows of id, x, y, z, four numbers of a rotation, three switches, label and description."""
+    """Rows of id, x, y, z, four numbers of a rotation, three switches, label and description.
+
+    Newer ones end in a node, whether there is a position (0, 3: none), and another switch.
+    """
     lines = text_lines(data, "FCSV")
     axes = [line.partition("=")[2].strip() for line in lines if "CoordinateSystem" in line]
     rows = csv.reader((line for line in lines if line and not line.startswith("#")), strict=True)
-    return [_point(row[11], row[12], row[1:4], axes[0] if axes else "RAS") for row in rows]
+    return [
+        _point(
+            row[11],
+            row[12],
+            [np.nan] * 3 if row[14:15] in (["0"], ["3"]) else row[1:4],
+            axes[0] if axes else "RAS",
+        )
+        for row in rows
+    ]
 
 
 def _pp(data: bytes) -> list[_Point]:

@@ -169,6 +169,8 @@ def _grouped(columns: dict[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]
         # Programs compute shares that are a little more than 1.
         scale = 255 if np.nanmax(color, initial=0) <= 1.5 else 1
         found["color"] = np.rint(np.clip(np.nan_to_num(color) * scale, 0, 255)).astype(np.uint8)
+    elif color is not None and color.dtype.itemsize == 2 and color.max(initial=0) > 255:
+        found["color"] = np.rint(color / 257).astype(np.uint8)  # 65535 is full
     for name in list(columns):
         stem = name.removesuffix("_0")
         numbered = list(takewhile(columns.__contains__, (f"{stem}_{i}" for i in count())))

@@ -1,4 +1,4 @@
-"""OFF: a text format; also COFF, NOFF and STOFF, whose extra columns follow the position."""
+"""OFF: a text format; also COFF, NOFF and the like, whose extra columns follow the position."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from unbend.io.formats.contents import (
 )
 from unbend.io.formats.contents import table as write_table
 
-_KEYWORD = re.compile(r"\s*((?:ST)?C?N?)(4?n?)OFF(\s+BINARY)?")
+_KEYWORD = re.compile(r"\s*((?:ST|C|N)*)(4?n?)OFF(\s+BINARY)?")
 _EXTRAS = {"ST": "texture coordinates", "C": "colours", "N": "normals"}
 
 

@@ -12,6 +12,8 @@ from unbend.io.formats.contents import NO_FACES, Contents, data_lines, misfit, p
 from unbend.io.formats.contents import table as write_table
 from unbend.io.formats.npy import read_array
 
+_NO_CHANCE = 10  # points whose first numbers are one more each
+
 
 def read_xyz(data: bytes) -> Contents:
     """Read one point per line, its numbers separated by spaces, commas or semicolons."""
@@ -27,7 +29,11 @@ def read_xyz(data: bytes) -> Contents:
         rows.append(" ".join(words).replace(",", " ").split())
     widths = {len(row) for row in rows}
     notes = ("columns after the third left out",) if max(widths) > 3 else ()
-    return Contents(positions(rows, "point"), NO_FACES, notes)
+    points = positions(rows, "point")
+    counted = np.arange(len(points)) + points[0, 0]
+    if notes and len(points) >= _NO_CHANCE and (points[:, 0] == counted).all():
+        raise FileError("its first column numbers the points; leave it out")
+    return Contents(points, NO_FACES, notes)
 
 
 def read_npy(data: bytes) -> Contents:
