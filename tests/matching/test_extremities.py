@@ -24,7 +24,7 @@ from unbend.matching._shape import Shape
 
 
 def test_a_person_has_five_tips() -> None:
-    body = make_biped("walking", n_vertices=700)
+    body = make_biped("walking", n_vertices=600)
     extremities = find_extremities(prepare_shape(body.mesh, 60)[1])
     named = [body.parts[label] for label in body.labels[extremities.vertices]]
     assert sorted(named) == ["head", "left_arm", "left_leg", "right_arm", "right_leg"]
@@ -200,7 +200,7 @@ def test_the_order_of_tips_does_not_matter() -> None:
 
 @pytest.fixture(scope="module")
 def octopuses() -> list[tuple[Body, Shape]]:
-    bodies = [make_octopus(pose, n_vertices=700) for pose in ("swimming", "curled")]
+    bodies = [make_octopus(pose, n_vertices=600) for pose in ("swimming", "curled")]
     return [(body, prepare_shape(body.mesh, 60).shape) for body in bodies]
 
 
@@ -325,7 +325,7 @@ def test_lengths_deviate_as_they_do_at_the_size_that_suits_them_best() -> None:
 
 
 def test_ways_place_a_body_on_itself(blob) -> None:
-    shape = prepare_shape(make_biped("running", n_vertices=700).mesh, 60)[1]
+    shape = prepare_shape(make_biped("running", n_vertices=600).mesh, 60)[1]
     ends = find_extremities(shape)
     for point_map in limb_maps(ends, ends):  # the front may stand for the back
         np.testing.assert_allclose(ends.fields[point_map], ends.fields, atol=2e-3)

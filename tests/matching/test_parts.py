@@ -28,7 +28,13 @@ from unbend.matching._registration import (
 )
 from unbend.mesh import vertex_areas
 
-N = 600
+N = 500
+
+
+@pytest.fixture(autouse=True)
+def _small_copies(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Search on coarse copies of few vertices."""
+    monkeypatch.setattr(constants, "N_VERTICES", (200, 400))
 
 
 _source = functools.partial(person, "standing", n_vertices=N)

@@ -56,7 +56,7 @@ def test_the_order_of_vertices_does_not_matter(shape: Shape) -> None:
 
 
 def test_a_symmetric_shape_is_itself_and_its_mirror_image() -> None:
-    dog = make_quadruped("standing", n_vertices=1200)
+    dog = make_quadruped("standing", n_vertices=600)
     shape = prepare_shape(dog.mesh, 40)[1]
     maps = search(shape, shape)
     mirror = shape.basis[:, :K].T @ (shape.areas[:, None] * shape.basis[dog.mirror, :K])

@@ -220,7 +220,7 @@ def test_what_goes_along_with_a_landmark_ends_halfway_to_the_next() -> None:
 
 
 def test_a_proxy_has_the_whole_area_and_the_functions_of_the_shape() -> None:
-    shape = _shape(make_quadruped("walking", n_vertices=1500).mesh)
+    shape = _shape(make_quadruped("walking", n_vertices=900).mesh)
     proxy = make_proxy(replace(shape, landmarks=np.array([3, 600])), 500)
     coarse = proxy.shape
     assert len(coarse.vertices) == len(proxy.kept) == 500
