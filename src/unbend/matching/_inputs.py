@@ -187,7 +187,9 @@ def _largest(mesh: Mesh) -> tuple[Mesh, IntArray, IntArray]:
         return mesh, np.arange(mesh.n_vertices), np.arange(mesh.n_faces)
     choice = ""
     if wider := wider_component(mesh, components):
-        choice = f"; component {wider} has over twice its area: if that is the body, match it instead"
+        choice = (
+            f"; component {wider} has over twice its area: if that is the body, match it instead"
+        )
     elif components.n_vertices[1] > _NEARLY_LARGEST * components.n_vertices[0]:
         choice = "; component 1 is nearly as large, so another file's largest may be another part"
     warn(
