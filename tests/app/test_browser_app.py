@@ -138,6 +138,9 @@ def test_from_two_dropped_files_to_a_saved_map_with_hints(page, blobs, tmp_path,
     page.choose_file("#choose", blobs[0])
     page.wait_for(GOOD.format(2))
     assert "open it and do the same again" in page.run("part('result').textContent")
+    press(page, "Remove this result")
+    page.wait_for("state.results.length === 2")
+    assert page.run("document.activeElement.id") == "results-head"  # the button is gone
 
 
 def test_a_bad_file_is_a_sentence_beside_good_ones(page, blobs, tmp_path, screenshots):

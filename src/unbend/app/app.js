@@ -204,7 +204,10 @@ function panel(result) {
         say("Copied.");
       }, { "aria-label": `Copy: ${head}` })));
   }
-  blocks.push(make("div", { class: "row" }, button("Remove this result", () => ask("DELETE", `results/${id}`))));
+  blocks.push(make("div", { class: "row" }, button("Remove this result", async () => {
+    await ask("DELETE", `results/${id}`);
+    part("results-head").focus(); // the button goes
+  })));
   return blocks;
 }
 
