@@ -199,13 +199,27 @@ def test_what_meshio_says_is_the_reason(
     assert capsys.readouterr() == ("", "")  # JSON may go there
 
 
-@pytest.mark.parametrize("text", ["BEGIN BULK\n", "ENDDATA\nBEGIN BULK\n\n"])
-def test_a_bdf_file_cut_off_is_refused(tmp_path: Path, text: str) -> None:
-    """Meshio reads on for ever."""
-    pytest.importorskip("meshio")
-    (tmp_path / "a.bdf").write_text(text)
-    with pytest.raises(FileError, match=r"a\.bdf: truncated: it lacks the line BEGIN BULK, or"):
-        read_mesh(tmp_path / "a.bdf")
+@pytest.mark.parametrize(
+    ("name", "text", "why"),
+    [
+        ("a.bdf", "BEGIN BULK\n", "truncated: it lacks the line BEGIN BULK, or"),  # read for ever
+        ("a.bdf", "ENDDATA\nBEGIN BULK\n\n", "truncated: it lacks the line BEGIN BULK, or"),
+        ("a.bdf", "BEGIN BULK\nCORD2C,1\nENDDATA\n", "has coordinate systems of its own"),
+        ("a.inp", "*NODE\n1,0.,0.,0.\n*node, nset=b\n1,9.,9.,9.\n", "has several parts"),
+        (
+            "a.inp",
+            "*NODE\n1,0.,0.,0.\n*Node print\n*INCLUDE, INPUT=b.inp\n",
+            "includes other files",
+        ),
+    ],
+)
+def test_what_meshio_would_read_wrong_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, text: str, why: str
+) -> None:
+    monkeypatch.setattr("unbend.io._foreign.find_spec", lambda name: name)
+    (tmp_path / name).write_text(text)
+    with pytest.raises(FileError, match=f"^{name}: {why}"):
+        read_mesh(tmp_path / name)
 
 
 def test_threads_that_read_with_meshio_leave_standard_output_alone(

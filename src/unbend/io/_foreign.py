@@ -122,8 +122,7 @@ def read_foreign(path: Path, data: bytes) -> Contents:
             return _by_trimesh(suffix, data)
         if suffix in _NIBABEL:
             return _by_nibabel(path, data)
-        if suffix == ".bdf" and not re.search(rb"BEGIN BULK.*\nENDDATA", data, re.DOTALL):
-            raise FileError("truncated: it lacks the line BEGIN BULK, or ENDDATA after it")
+        _refuse_misread(suffix, data)
         return _by_meshio(path)
     except InputError:
         raise
@@ -131,6 +130,21 @@ def read_foreign(path: Path, data: bytes) -> Contents:
         told = not isinstance(error, (LookupError, TypeError, AttributeError)) and str(error)
         why = told or f"it is damaged, or no {suffix} file that it knows"
         raise FileError(f"{program} cannot read it: {why}") from error
+
+
+def _refuse_misread(suffix: str, data: bytes) -> None:
+    """Raise FileError for a file that meshio would read wrong, or for ever."""
+    if suffix == ".bdf" and not re.search(rb"BEGIN BULK.*\nENDDATA", data, re.DOTALL):
+        raise FileError("truncated: it lacks the line BEGIN BULK, or ENDDATA after it")
+    if suffix == ".bdf" and re.search(rb"^CORD[12]", data, re.MULTILINE):
+        raise FileError("has coordinate systems of its own, which are not read; save it without")
+    if suffix != ".inp":
+        return
+    words = re.findall(rb"(?m)^\*(NODE|INSTANCE|INCLUDE)[ \t]*(?:,|\r?$)", data.upper())
+    if b"INCLUDE" in words:
+        raise FileError("includes other files, which are not read; save it as one")
+    if len({*words}) < len(words):
+        raise FileError("has several parts, which are not read; save one alone")
 
 
 def _by_meshio(path: Path) -> Contents:
