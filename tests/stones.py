@@ -1,15 +1,32 @@
 """Small shapes in files, and what a collection keeps of them."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
+import unbend
+from once import once
 from unbend import write_map, write_mesh
-from unbend.collection import Collection
+from unbend.collection import Collection, _adding, _pairs, _ranking, _registering
+from unbend.collection._descriptor import make_basis
 from unbend.datasets import make_sphere
 
 BALL = make_sphere(2)
+MATCH, SYMMETRY, MAKE_BASIS = map(once, (unbend.match, unbend.symmetry, make_basis))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def computed_once() -> Iterator[None]:
+    """The same shapes are described and matched once: when they are is tested here, not how."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_adding, "make_basis", MAKE_BASIS)
+        patch.setattr(unbend, "symmetry", SYMMETRY)
+        for module in (unbend, _pairs, _ranking, _registering):
+            patch.setattr(module, "match", MATCH)
+        yield
 
 
 def write_stones(folder: Path, count: int) -> list[Path]:

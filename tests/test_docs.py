@@ -16,8 +16,8 @@ import pytest
 import typer.main
 
 import unbend
-from once import once
 from sheets import make_egg
+from stones import computed_once  # noqa: F401
 from terminal import invoke
 from unbend import Mesh, write_mesh
 from unbend.cli import app
@@ -60,14 +60,6 @@ def folder(tmp_path, monkeypatch):
 
 
 WITH_CODE = [one for one in PAGES if blocks(one, "python") and one.stem != "first-steps"]
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _matched_once():
-    """Match two shapes with the same options once for all pages."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(unbend, "match", once(unbend.match))
-        yield
 
 
 @pytest.fixture

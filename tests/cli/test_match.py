@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 
-import unbend
 from animals import dog
-from once import once
 from sheets import make_egg, make_torus
 from stones import write_stones
 from terminal import invoke
@@ -28,14 +26,6 @@ from unbend.report import match_colors
 
 source = functools.partial(dog, "standing", n_vertices=600)
 target = functools.partial(dog, "walking", n_vertices=500, meshing=1)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _matched_once():
-    """Match two shapes with the same options once for all tests."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(unbend, "match", once(unbend.match))
-        yield
 
 
 def run(*arguments):

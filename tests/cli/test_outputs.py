@@ -8,9 +8,7 @@ from typing import Any, get_type_hints
 
 import pytest
 
-import unbend
 from every_command import every_command
-from once import once
 from stones import write_pair
 from terminal import invoke
 from unbend.cli._options import written
@@ -101,14 +99,11 @@ def words_of(given: str | list[str]) -> str:
 
 
 @pytest.fixture(scope="module")
-def given(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Two shapes, which are matched once, a store of them, and what else is read."""
+def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two shapes, a store of them, and what else is read."""
     folder = tmp_path_factory.mktemp("outputs")
     write_pair(folder)
-    with pytest.MonkeyPatch.context() as patch:
-        for name in ("match", "symmetry"):
-            patch.setattr(unbend, name, once(getattr(unbend, name)))
-        yield folder
+    return folder
 
 
 def test_every_option_that_takes_text_is_known_and_every_output_tried() -> None:

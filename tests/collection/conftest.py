@@ -8,23 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from once import once
-from stones import write_stones
-from unbend import match
-from unbend.collection import Collection, _adding, _collection, _pairs, _ranking, _registering
-from unbend.collection._descriptor import make_basis
-
-MATCH, MAKE_BASIS = once(match), once(make_basis)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _computed_once() -> Iterator[None]:
-    """The same shapes are described and matched once: when they are is tested here, not how."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_adding, "make_basis", MAKE_BASIS)
-        for module in (_pairs, _ranking, _registering):
-            patch.setattr(module, "match", MATCH)
-        yield
+from stones import computed_once, write_stones  # noqa: F401
+from unbend.collection import Collection, _collection
 
 
 @pytest.fixture(scope="session")

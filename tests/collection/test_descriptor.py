@@ -104,7 +104,7 @@ def test_the_order_changes_nothing_on_a_real_shape(real_data):
 
 def test_poses_and_meshings_change_little(apart):
     assert apart(make_biped("sitting", n_vertices=800).mesh) < 0.3
-    assert apart(make_biped("running", n_vertices=2000, meshing=2).mesh) < 0.3
+    assert apart(make_biped("running", n_vertices=1000, meshing=2).mesh) < 0.3
     assert apart(make_quadruped("standing", n_vertices=800).mesh) > 1
     assert apart(make_octopus(n_vertices=800).mesh) > 1
 
