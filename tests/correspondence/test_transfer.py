@@ -64,8 +64,8 @@ def test_the_identity_changes_nothing(blob: Mesh) -> None:
 
 def test_positions_carried_through_faces_are_finer_than_through_vertices() -> None:
     # Both shapes at rest, meshed apart: each target vertex should get its own position.
-    source = make_quadruped("standing", n_vertices=800)
-    target = make_quadruped("standing", n_vertices=700, meshing=1)
+    source = make_quadruped("standing", n_vertices=600)
+    target = make_quadruped("standing", n_vertices=500, meshing=1)
     forward, backward = rest_map(source, target), rest_map(target, source)
     fans = faces_around(target.mesh.faces, target.mesh.n_vertices)
     found = _match(
@@ -82,18 +82,18 @@ def test_positions_carried_through_faces_are_finer_than_through_vertices() -> No
 
 
 def test_body_parts_arrive_away_from_their_borders() -> None:
-    source = make_quadruped("standing", n_vertices=800)
-    target = make_quadruped("galloping", n_vertices=700, meshing=1)
+    source = make_quadruped("standing", n_vertices=600)
+    target = make_quadruped("galloping", n_vertices=500, meshing=1)
     carried = transfer(source.labels, _match(rest_map(source, target), rest_map(target, source)))
     ends = target.mesh.faces
-    border = np.zeros(700, dtype=bool)
+    border = np.zeros(500, dtype=bool)
     border[ends[(target.labels[ends] != target.labels[ends[:, :1]]).any(axis=1)]] = True
     assert (carried == target.labels)[~border].mean() >= 0.99
 
 
 def test_body_parts_arrive_through_a_computed_match() -> None:
-    source = make_quadruped("standing", n_vertices=800)
-    target = make_quadruped("walking", n_vertices=700, meshing=1)
+    source = make_quadruped("standing", n_vertices=600)
+    target = make_quadruped("walking", n_vertices=500, meshing=1)
     found = match(source.mesh, target.mesh, barycentric=True)
     for meshes in ({}, {"source": source.mesh, "target": target.mesh}):
         parts = transfer(np.array(source.parts)[source.labels], found, **meshes)
