@@ -4,11 +4,14 @@ from collections.abc import Callable
 from typing import Any
 
 from unbend import Mesh
-from unbend.errors import MeshError
+from unbend.errors import MeshError, heard, warn
 
 
 def once(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Call a function of the same shapes with the same options once; errors are kept, too."""
+    """Call a function of the same shapes with the same options once, unless it warns.
+
+    Errors are kept, too.
+    """
     known: dict[Any, Any] = {}
 
     def call(*shapes: Mesh, **options: Any) -> Any:
@@ -16,7 +19,13 @@ def once(function: Callable[..., Any]) -> Callable[..., Any]:
         key = *arrays, repr({name: one for name, one in options.items() if name != "progress"})
         if key not in known:
             try:
-                known[key] = function(*shapes, **options)
+                with heard() as said:
+                    found = function(*shapes, **options)
+                for message in said:
+                    warn(message)
+                if said:
+                    return found
+                known[key] = found
             except MeshError as error:
                 known[key] = error
         if isinstance(known[key], MeshError):
