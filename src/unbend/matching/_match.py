@@ -179,22 +179,19 @@ def match(
             "the mirror image of the target fits far better, as if one were a left hand and the "
             "other a right one: if so, match with allow_mirror=True (unbend match --allow-mirror)"
         )
+    found = without_extras(sides, found, torn)
     whole = constants.SMALLEST_PART if partial == "auto" else 0.0
 
-    def finished(
-        candidate: Candidate, fine: dict[Candidate, Candidate]
-    ) -> tuple[Candidate, Candidate]:
-        """Leave out what only one has: on the medium copies, and exactly on the full meshes."""
-        rough = without_extras(sides, candidate, torn)
-        polished = fine.get(rough) or refined(sides, rough, polish=refine)
-        return rough, with_partners(exact(sides, polished), sides, whole)
+    def finished(candidate: Candidate, fine: dict[Candidate, Candidate]) -> Candidate:
+        polished = fine.get(candidate) or refined(sides, candidate, polish=refine)
+        return with_partners(exact(sides, polished), sides, whole)
 
     results = []
     shares = _lead_shares([*other_hand, *found], sides)[len(other_hand) :]
     for i in range(min(n_matches, len(found))):
-        rough, chosen = finished(found[i], fine)
+        chosen = finished(found[i], fine)
         order = [i, *range(i), *range(i + 1, len(found))]
-        ranks = [rough, *(found[j] for j in order[1:])]
+        ranks = [found[j] for j in order]
         apart = differences(sides, ranks)
         result = _result(ours, theirs, sides, chosen, ranks, shares[order], apart)
         result = replace(result, landmark_hints=_landmark_hints(ours, sides, ranks, apart))
@@ -205,7 +202,7 @@ def match(
     result = replace(results[0], alternatives=tuple(results[1:]))
     if mirrored:
         turned, fine = reranked(sides, turned, polish=refine)
-        other = finished(turned[0], fine)[1].registered
+        other = finished(without_extras(sides, turned, torn)[0], fine).registered
         result = replace(result, mirrored=expand(other.forward, other.source.overlap, ours, theirs))
     for row in result.missed_landmarks:
         one, other = pairs[row]

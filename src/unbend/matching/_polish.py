@@ -94,19 +94,29 @@ def reranked(
     return ranked([*known, *ranks[len(nearly) :]]), known
 
 
-def without_extras(sides: Sides, candidate: Candidate, may_lack: Sequence[bool]) -> Candidate:
-    """Leave out what only one of the shapes has, of a candidate between their finer proxies.
+def without_extras(
+    sides: Sides, ranks: list[Candidate], may_lack: Sequence[bool]
+) -> list[Candidate]:
+    """Leave out what only one of the shapes has, if the first candidate shows any, and rank again.
 
-    ``may_lack`` says whether the source, and the target, may lack what the other has.
+    Until then the best map is the one that hides such a part best. ``may_lack`` says whether the
+    source, and the target, may lack what the other has.
     """
-    if not any(may_lack):
-        return candidate
+    if not any(may_lack) or (first := _without(sides, may_lack, ranks[0])) is ranks[0]:
+        return ranks
+    others = ranks[1 : constants.BEAM]
+    cut = run_all(functools.partial(_without, sides, may_lack, one) for one in others)
+    return ranked([first, *cut, *ranks[constants.BEAM :]])
+
+
+def _without(sides: Sides, may_lack: Sequence[bool], candidate: Candidate) -> Candidate:
+    """Leave out such parts of a candidate between the finer proxies; it itself if it has none."""
     shapes = as_taken(sides, candidate).at(MEDIUM)
     if (rough := _cut_off(*shapes, candidate.registered, may_lack)) is None:
         return candidate
     (found,) = register(*shapes, [rough], constants.DATA_WEIGHTS[2:], constants.STEPS)
     left = _cut_off(*shapes, found, may_lack)
-    return candidate if left is None else replace(candidate, registered=left)
+    return candidate if left is None else scored(*shapes, left, candidate.reflected)
 
 
 def _cut_off(
