@@ -75,7 +75,7 @@ def test_a_memory_limit_refuses_with_both_figures(
     assert done.exit_code == 0
     done = invoke(["--memory-limit", "0.01", *arguments])
     assert done.exit_code == 2
-    assert "GiB of memory and 0.0 GiB are free" in done.stderr
+    assert "MiB of memory and 0 MiB are free" in done.stderr
     assert done.stderr.count("\n") == 1
     done = invoke(["--memory-limit", "-1", *arguments])
     assert "must be a number of GiB above 0, not '-1.0'" in done.stderr
