@@ -99,14 +99,18 @@ def without_extras(
 ) -> list[Candidate]:
     """Leave out what only one of the shapes has, if the first candidate shows any, and rank again.
 
-    Until then the best map is the one that hides such a part best. ``may_lack`` says whether the
+    Until then the best map is the one that hides such a part best. It stays the first if another is
+    hardly better: wrong maps leave out what does not fit, too. ``may_lack`` says whether the
     source, and the target, may lack what the other has.
     """
     if not any(may_lack) or (first := _without(sides, may_lack, ranks[0])) is ranks[0]:
         return ranks
     others = ranks[1 : constants.BEAM]
     cut = run_all(functools.partial(_without, sides, may_lack, one) for one in others)
-    return ranked([first, *cut, *ranks[constants.BEAM :]])
+    found = ranked([first, *cut, *ranks[constants.BEAM :]])
+    if nearly_as_good(first, found[0]):
+        found.sort(key=lambda one: one is not first)
+    return found
 
 
 def _without(sides: Sides, may_lack: Sequence[bool], candidate: Candidate) -> Candidate:
