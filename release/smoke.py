@@ -109,14 +109,14 @@ def formats(folder: Path) -> None:
     ball = make_sphere(2)
     for suffix in ("glb", "3mf", "dae"):
         trimesh.Trimesh(ball.vertices, ball.faces).export(folder / f"ball.{suffix}")
-    meshio.Mesh(ball.vertices, [("triangle", ball.faces)]).write(folder / "ball.vtu")
+    meshio.Mesh(ball.vertices, [("triangle", ball.faces)]).write(folder / "ball.mesh")
     kinds = {"NIFTI_INTENT_POINTSET": ball.vertices, "NIFTI_INTENT_TRIANGLE": ball.faces}
     arrays = [
         nibabel.gifti.GiftiDataArray(rows.astype(dtype), kind)
         for (kind, rows), dtype in zip(kinds.items(), ("float32", "int32"), strict=True)
     ]
     nibabel.save(nibabel.GiftiImage(darrays=arrays), folder / "ball.gii")
-    for suffix in ("glb", "3mf", "dae", "vtu", "gii"):
+    for suffix in ("glb", "3mf", "dae", "mesh", "gii"):
         assert read_mesh(folder / f"ball.{suffix}").n_faces == ball.n_faces, suffix
 
 

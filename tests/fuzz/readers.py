@@ -18,7 +18,7 @@ from unbend.io.formats import obj
 from unbend.preparation import prepare
 
 _FOLDER = Path(tempfile.mkdtemp(dir="/dev/shm" if os.path.isdir("/dev/shm") else None))
-_MESHES = (".off", ".obj", ".ply", ".stl", ".xyz", ".npy", ".vtk")
+_MESHES = (".off", ".obj", ".ply", ".stl", ".xyz", ".npy", ".vtk", ".vtp")
 _MAPS = (".txt", ".csv", ".vts", ".npy")
 _MARKUPS = (".json", ".fcsv", ".csv", ".txt", ".pts", ".pp")
 _VALUES = (".csv", ".txt", ".npy", ".ply", ".obj")

@@ -171,16 +171,6 @@ def test_a_gltf_names_no_file_that_is_opened(tmp_path: Path) -> None:
         read_mesh(tmp_path / "a.gltf")
 
 
-def test_a_vtu_file_is_read_with_meshio(tmp_path: Path) -> None:
-    meshio = pytest.importorskip("meshio")
-    meshio.Mesh(QUAD, [("triangle", FACES)], point_data={"heat": [1.0, 2, 3, 4]}).write(
-        tmp_path / "a.vtu"
-    )
-    mesh = read_mesh(tmp_path / "a.vtu")
-    np.testing.assert_array_equal(mesh.faces, FACES)
-    assert mesh.notes[0] == "read by meshio"
-
-
 @pytest.mark.parametrize(
     ("suffix", "why"),
     [
@@ -226,8 +216,8 @@ def test_threads_that_read_with_meshio_leave_standard_output_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     meshio = pytest.importorskip("meshio")
-    meshio.Mesh(QUAD, [("triangle", FACES)]).write(tmp_path / "a.vtu")
-    both, read = threading.Barrier(2), meshio.vtu.read
+    meshio.Mesh(QUAD, [("triangle", FACES)]).write(tmp_path / "a.mesh")
+    both, read = threading.Barrier(2), meshio.medit.read
     before, during = sys.stdout, []
 
     def slowly(path):
@@ -235,16 +225,16 @@ def test_threads_that_read_with_meshio_leave_standard_output_alone(
         during.append(sys.stdout)
         return read(path)
 
-    monkeypatch.setattr(meshio.vtu, "read", slowly)
+    monkeypatch.setattr(meshio.medit, "read", slowly)
     with ThreadPoolExecutor(2) as threads:
-        list(threads.map(read_mesh, [tmp_path / "a.vtu"] * 2))
+        list(threads.map(read_mesh, [tmp_path / "a.mesh"] * 2))
     assert during == [before, before]
     assert sys.stdout is before
 
 
 @pytest.mark.parametrize(
     ("suffix", "program"),
-    [(".glb", "trimesh"), (".vtu", "meshio"), (".gii", "nibabel"), (".pial", "nibabel")],
+    [(".glb", "trimesh"), (".mesh", "meshio"), (".gii", "nibabel"), (".pial", "nibabel")],
 )
 def test_without_the_program_it_is_named(tmp_path: Path, monkeypatch, suffix, program) -> None:
     monkeypatch.setitem(__import__("sys").modules, program, None)

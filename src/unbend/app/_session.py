@@ -23,7 +23,7 @@ from unbend.errors import InputError
 _PREFIX = "unbend-app-"  # of folders; the port follows
 # Suffixes of uploads that only carry values or landmarks.
 _VALUE_SUFFIXES = (".csv", ".txt", ".json", ".fcsv", ".pp")
-_SHAPE_SUFFIXES = (".off", ".obj", ".ply", ".stl", ".vtk", ".xyz", ".npy", ".glb")
+_SHAPE_SUFFIXES = (".off", ".obj", ".ply", ".stl", ".vtk", ".vtp", ".xyz", ".npy", ".glb")
 _MOST_BYTES = 512 * 2**20  # of one upload
 _MOST_BYTES_IN_ALL = 2 * 2**30
 _MOST_SHAPES, _MOST_JOBS = 200, 500

@@ -123,7 +123,7 @@ class Collection:
         Parameters
         ----------
         paths : path or iterable of paths
-            Files, folders (searched for .off, .obj, .ply, .stl and .vtk files), and patterns such
+            Files, folders (searched for .off, .obj, .ply, .stl, .vtk, .vtp), and patterns such
             as ``"scans/**/*.ply"``.
         workers : int, optional
             Local processes, by default as many as there are processors; 0: work in this one.

@@ -23,7 +23,7 @@ from unbend.io import FREESURFER_VALUES, READ_SUFFIXES, read_mesh
 from unbend.mesh import Mesh
 
 # Of files that folders are searched for; others are added by name or pattern only.
-_SUFFIXES = (".off", ".obj", ".ply", ".stl", ".vtk")
+_SUFFIXES = (".off", ".obj", ".ply", ".stl", ".vtk", ".vtp")
 _VALUES = (".npy", *FREESURFER_VALUES)  # rather than shapes
 _OTHERS = tuple(one for one in READ_SUFFIXES if one not in (*_SUFFIXES, *_VALUES))
 _FILES_AT_ONCE = 256

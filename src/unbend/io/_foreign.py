@@ -15,20 +15,20 @@ import numpy.typing as npt
 from unbend._text import plural
 from unbend._types import StrPath
 from unbend.errors import FileError, InputError, MissingExtraError
-from unbend.io.formats import gltf, vtk
+from unbend.io.formats import gltf
 from unbend.io.formats.contents import NO_FACES, Contents, triangulate, weld
 from unbend.mesh import Mesh
 
 _GLTF = (".glb", ".gltf")
 _TRIMESH = (*_GLTF, ".3mf", ".dae")
-_MESHIO = (".vtu", ".msh", ".mesh", ".inp", ".bdf")
+_MESHIO = (".msh", ".mesh", ".inp", ".bdf")
 _FREESURFER = (".pial", ".white", ".inflated", ".sphere")  # its surfaces
 FREESURFER_VALUES = (".thickness", ".curv", ".sulc", ".annot")
 _NIBABEL = (".gii", *_FREESURFER, *FREESURFER_VALUES)
 _READ_BY_NIBABEL = ("read by nibabel",)
 _POINTSET, _TRIANGLE, _NODE_INDEX = 1008, 1009, 2002  # GIFTI's intents, numbered as in NIfTI
 _WORDS = {"color": "colours", "uv": "texture coordinates"}
-FOREIGN_SUFFIXES = (".vtk", *_TRIMESH, *_MESHIO, *_NIBABEL)
+FOREIGN_SUFFIXES = (*_TRIMESH, *_MESHIO, *_NIBABEL)
 
 
 class _HasVertices(Protocol):  # a mesh of trimesh or Open3D
@@ -110,10 +110,8 @@ def _from_polygons(points: Any, sizes: npt.ArrayLike, corners: npt.NDArray[Any])
 
 
 def read_foreign(path: Path, data: bytes) -> Contents:
-    """Read a .vtk file, or a file with another program, and say that in the notes."""
+    """Read a file with another program, and say that in the notes."""
     suffix = path.suffix.lower()
-    if suffix == ".vtk":
-        return vtk.read(data)
     program = "trimesh" if suffix in _TRIMESH else "meshio" if suffix in _MESHIO else "nibabel"
     if find_spec(program) is None:
         raise MissingExtraError(program)

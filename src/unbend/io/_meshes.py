@@ -13,7 +13,7 @@ from unbend._types import StrPath
 from unbend.errors import FileError, InputError
 from unbend.io._files import prefixed, read_bytes
 from unbend.io._foreign import FOREIGN_SUFFIXES, MeshLike, mesh_of, read_foreign
-from unbend.io.formats import obj, off, ply, points, stl
+from unbend.io.formats import obj, off, ply, points, stl, vtk, vtp
 from unbend.io.formats.contents import Contents
 from unbend.mesh import Mesh
 
@@ -24,6 +24,9 @@ _READERS: dict[str, Callable[[bytes], Contents]] = {
     ".stl": stl.read,
     ".xyz": points.read_xyz,
     ".npy": points.read_npy,
+    ".vtk": vtk.read,
+    ".vtp": vtp.read,
+    ".vtu": vtp.read,
 }
 _EXTRAS = {".obj": obj.extras, ".off": off.extras, ".ply": ply.extras, ".stl": stl.extras}
 
@@ -41,10 +44,10 @@ def read_mesh(path: StrPath) -> Mesh:
     ----------
     path : path
         .off (also COFF, NOFF), .obj, .ply (text or binary), .stl, .vtk (VTK's POLYDATA, and the
-        polygons of an UNSTRUCTURED_GRID), .xyz (one point per line) or .npy (an (n, 3) array of
-        points). Trimesh, if it is installed, reads .glb, .gltf, .3mf and .dae; meshio reads .vtu,
-        .msh, .mesh, .inp and .bdf; nibabel reads .gii and FreeSurfer's .pial, .white, .inflated and
-        .sphere.
+        polygons of an UNSTRUCTURED_GRID), .vtp and .vtu (the same in XML), .xyz (one point per
+        line) or .npy (an (n, 3) array of points). Trimesh, if it is installed, reads .glb, .gltf,
+        .3mf and .dae; meshio reads .msh, .mesh, .inp and .bdf; nibabel reads .gii and FreeSurfer's
+        .pial, .white, .inflated and .sphere.
 
     Returns
     -------
@@ -91,9 +94,9 @@ def file_extras(path: StrPath) -> list[str]:
     """Name what a mesh file holds besides its shape: colours, normals, materials ..."""
     path = Path(path)
     suffix = path.suffix.lower()
-    if suffix in FOREIGN_SUFFIXES:
-        return ["anything but the shape"]
-    return _EXTRAS[suffix](read_bytes(path, ())) if suffix in _EXTRAS else []
+    if suffix in _EXTRAS:
+        return _EXTRAS[suffix](read_bytes(path, ()))
+    return [] if suffix in (".xyz", ".npy") else ["anything but the shape"]
 
 
 def as_mesh(mesh: MeshLike) -> Mesh:

@@ -47,9 +47,9 @@ def read_values(
     ----------
     path : path
         A .npy array; a .csv or .txt file with a line of numbers or one word for each vertex; or a
-        mesh file with values (.ply, .obj or what trimesh and meshio read); .gii and FreeSurfer's
-        .thickness, .curv, .sulc and .annot need no mesh, and are read by nibabel. A .csv
-        file may begin with names of columns. If one is ``vertex``, ``index``, ``id`` or
+        mesh file with values (.ply, .obj, .vtk, .vtp or what trimesh and meshio read); .gii and
+        FreeSurfer's .thickness, .curv, .sulc and .annot need no mesh, and are read by nibabel. A
+        .csv file may begin with names of columns. If one is ``vertex``, ``index``, ``id`` or
         ``Point ID`` and holds all vertex numbers, from 0, rows may be in any order. Empty cells and
         NA among numbers are NaN.
     n_vertices : int, optional

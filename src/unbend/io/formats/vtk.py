@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._text import plural
-from unbend._types import IntArray
+from unbend._types import FloatArray, IntArray
 from unbend.errors import FileError
 from unbend.io.formats.contents import Contents, count, misfit, numbers_in, triangulate
 
@@ -20,7 +20,7 @@ _TYPES = {
     "int": "i4", "unsigned_int": "u4", "long": "i8", "unsigned_long": "u8", "vtkidtype": "i4",
     "vtktypeint64": "i8", "vtktypeuint64": "u8", "float": "f4", "double": "f8",
 }  # fmt: skip
-_STRIPS = "holds triangle strips, which unbend cannot read; save triangles"
+STRIPS = "holds triangle strips, which unbend cannot read; save triangles"
 _AT_ONCE = 1000  # numbers: where one is none, the block that holds it is named
 _CELLS = ("VERTICES", "LINES", "POLYGONS", "TRIANGLE_STRIPS", "CELLS")
 # Types of the cells of a grid, as VTK numbers them.
@@ -108,7 +108,7 @@ def read(data: bytes) -> Contents:
         elif key in _CELLS:
             found = file.cells(key, name, size)
             if key == "TRIANGLE_STRIPS" and len(found[0]):
-                raise FileError(_STRIPS)
+                raise FileError(STRIPS)
             cells = found if key in ("POLYGONS", "CELLS") else cells
         elif key == "CELL_TYPES":
             types = file.array(key, name, "1", "int").ravel()
@@ -134,10 +134,21 @@ def read(data: bytes) -> Contents:
         else:
             unread = " ".join(words).strip()
             raise misfit("a line", unread, ", which unbend cannot read; save it as .ply")
-    cells, left = _polygons(*cells, types)
-    faces, notes = triangulate(*cells, vertices)
+    return contents_of(vertices, *cells, types, {unquote(one): values[one] for one in values})
+
+
+def contents_of(
+    vertices: FloatArray,
+    sizes: IntArray,
+    corners: IntArray,
+    types: npt.NDArray[Any] | None,
+    values: dict[str, npt.NDArray[Any]],
+) -> Contents:
+    """Take the polygons among cells, which are of types if they are a grid's, and split them."""
+    (sizes, corners), left = _polygons(sizes, corners, types)
+    faces, notes = triangulate(sizes, corners, vertices)
     per_point = {
-        unquote(name): array[:, 0] if array.shape[1] == 1 else array
+        name: array[:, 0] if array.shape[1] == 1 else array
         for name, array in values.items()
         if len(array) == len(vertices)
     }
@@ -153,7 +164,7 @@ def _polygons(
     if len(types) != len(sizes):
         raise FileError(f"has {len(sizes)} cells, but {len(types)} types of cells")
     if (types == _STRIP).any():
-        raise FileError(_STRIPS)
+        raise FileError(STRIPS)
     ours = np.isin(types, _POLYGONS)
     n_others = int((~ours & ~np.isin(types, _POINTS_AND_LINES)).sum())
     if n_others and not ours.any():

@@ -139,7 +139,8 @@ def match_page(
         trust = f"; confidence {known.confidence:.2f}"
     title = f"{source.name} to {target.name}"
     heading = f'{escape(source.name)} <span class="arrow">→</span> {escape(target.name)}'
-    lead = f"{part} vertices matched to a shape of {target.n_vertices:,}{trust}."
+    which = "Map 1: " if len(maps) > 1 else ""
+    lead = f"{which}{part} vertices matched to a shape of {target.n_vertices:,}{trust}."
     if mirror:
         title, heading = f"Left and right of {source.name}", ""
         lead = f"{part} vertices have a mirror partner{trust}."

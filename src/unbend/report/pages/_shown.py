@@ -48,10 +48,7 @@ class Shown(NamedTuple):
         if n_used < n:
             facts.append(f"{plural(n - n_used, 'vertex')}, used by no face, not shown")
         if len(self.ids) < n_used:
-            facts.append(
-                f"{len(self.ids):,} of {n_used:,} vertices are drawn; results were computed on all "
-                "of them"
-            )
+            facts.append(f"{len(self.ids):,} of {n_used:,} vertices are drawn; all are computed on")
         return facts
 
     def packed(self) -> dict[str, Any]:
