@@ -8,6 +8,7 @@ from unbend._types import FloatArray
 from unbend.errors import MeshError
 from unbend.mesh import face_normals
 from unbend.preparation import _surface, surface_of_points, triangulate_points
+from unbend.preparation._winding_field import winding_number
 
 TURN = Rotation.from_rotvec([0.5, -1.2, 0.8]).as_matrix()
 
@@ -28,6 +29,19 @@ def torus(n: int, noise: float = 0, thick: float = 0.4) -> FloatArray:
     radius = 1 + thick * np.cos(across)
     points = np.stack([radius * np.cos(around), radius * np.sin(around), thick * np.sin(across)], 1)
     return np.asarray(points + noise * chance.standard_normal((n, 3)))
+
+
+def test_the_winding_number_tells_inside_from_outside() -> None:
+    points, cell = sphere(1000), 0.11
+    grid, normals, field = winding_number(points, cell)
+    areas = np.linalg.norm(normals, axis=1) * cell**2
+    assert ((normals * points).sum(axis=1) * cell**2 > 0.95 * areas).all()
+    assert areas.sum() == pytest.approx(4 * np.pi, rel=0.15)
+    assert grid.values(field) == pytest.approx(0.5, abs=0.1)
+    places = 0.5 * points[:9], 1.3 * points[:9]
+    inside, outside = (grid.at(field, one) for one in places)
+    assert inside == pytest.approx(1, abs=0.15)
+    assert outside == pytest.approx(0, abs=0.15)
 
 
 @pytest.mark.parametrize(("n", "noise"), [(600, 0), (1000, 0.04)])

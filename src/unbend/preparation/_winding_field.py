@@ -2,7 +2,8 @@
 
 The normals of the points are unknown. They are found as those whose winding number is one half at
 all points and whose direction is that of its gradient there, while the field is smoothed less and
-less (Lin, Shi & Liu, ACM TOG 2024). Fourier transforms compute the field and its gradient.
+less (Lin, Shi & Liu, ACM TOG 2024). The field solves a Poisson equation whose right side is the
+divergence of the normals, by Fourier transforms; derivatives are central differences.
 """
 
 from __future__ import annotations
@@ -10,18 +11,17 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-import numpy.typing as npt
 import scipy.fft as fft
 from scipy.ndimage import map_coordinates
+from scipy.sparse import csr_array
 
 from unbend._arrays import unit_vectors
-from unbend._types import FloatArray
-
-ComplexArray = npt.NDArray[np.complex128]
+from unbend._types import FloatArray, IntArray
 
 MARGIN = 0.15  # of the grid around the points, in sizes
-_SMOOTHING = (3.0, 0.7)  # standard deviation of the Gaussian in cells, at first and in the end
+_SMOOTHING = (3.0, 0.5)  # standard deviation of the Gaussian in cells, at first and in the end
 _STEPS = 20
+_COARSE = 2  # cells of the grid of the first steps, as long as they are no larger than the Gaussian
 
 
 class Grid:
@@ -39,72 +39,87 @@ class Grid:
         place = (points - self.origin) / cell
         node = np.floor(place).astype(np.int64)
         corners = np.array(list(product((0, 1), repeat=3)))
-        self._nodes = np.ravel_multi_index(
+        nodes = np.ravel_multi_index(
             tuple((node[:, None] + corners).transpose(2, 0, 1)), self.shape
         )
         share = (place - node)[:, None]
-        self._weights = np.where(corners == 1, share, 1 - share).prod(axis=2)
+        weights = np.where(corners == 1, share, 1 - share).prod(axis=2)
+        beside = np.array([self.shape[1] * self.shape[2], self.shape[2], 1])[:, None, None]
+        nodes_beside = np.concatenate([nodes + beside, nodes - beside], axis=2)
+        changes = np.broadcast_to(np.hstack([weights, -weights]) / 2, nodes_beside.shape)
+        self._interpolate = self._matrix(weights, nodes)
+        self._differentiate = self._matrix(changes, nodes_beside)
         x, y, z = self.shape
-        self.waves = np.meshgrid(
-            fft.fftfreq(x), fft.fftfreq(y), fft.rfftfreq(z), indexing="ij", sparse=True
-        )
+        waves = np.ix_(fft.fftfreq(x), fft.fftfreq(y), fft.rfftfreq(z))
+        self._squared = (2 * np.pi) ** 2 * np.asarray(sum(wave**2 for wave in waves))
+
+    def _matrix(self, weights: FloatArray, nodes: IntArray) -> csr_array:
+        """Make a sparse matrix with rows of weights of nodes."""
+        starts = np.arange(0, nodes.size + 1, nodes.shape[-1])
+        shape = len(starts) - 1, int(np.prod(self.shape))
+        return csr_array((weights.ravel(), nodes.ravel(), starts), shape)
 
     def values(self, field: FloatArray) -> FloatArray:
         """Interpolate a field at the points, (n,)."""
-        return np.asarray((self._weights * field.ravel()[self._nodes]).sum(axis=1))
+        return np.asarray(self._interpolate @ field.ravel())
 
     def at(self, field: FloatArray, places: FloatArray) -> FloatArray:
         """Interpolate a field at any places (m, 3), 0 beyond the grid."""
         return np.asarray(map_coordinates(field, ((places - self.origin) / self.cell).T, order=1))
 
-    def spectrum(self, values: FloatArray) -> ComplexArray:
-        """Fourier transform of the field that has these values (n,) at the points."""
-        size = int(np.prod(self.shape))
-        spread = np.bincount(
-            self._nodes.ravel(), (self._weights * values[:, None]).ravel(), minlength=size
-        )
-        return np.asarray(fft.rfftn(spread.reshape(self.shape)))
+    def gradient(self, field: FloatArray) -> FloatArray:
+        """Interpolate the gradient (n, 3) of a field at the points, a change per cell."""
+        return np.asarray((self._differentiate @ field.ravel()).reshape(3, -1).T)
 
-    def field(self, spectrum: ComplexArray) -> FloatArray:
-        """Invert a Fourier transform."""
+    def smoothing(self, width: float) -> FloatArray:
+        """Filter by which a Poisson equation is solved for a field smoothed by a Gaussian."""
+        squared = self._squared
+        return np.exp(-(width**2) / 2 * squared) / np.where(squared > 0, squared, np.inf)
+
+    def potential(self, values: FloatArray, smoothing: FloatArray) -> FloatArray:
+        """Field whose negative Laplacian is the values (n,) at the points, up to a constant."""
+        return self._solved(self._interpolate.T @ values, smoothing)
+
+    def winding(self, normals: FloatArray, smoothing: FloatArray) -> FloatArray:
+        """Winding number of points with normals (n, 3), up to a constant."""
+        return self._solved(self._differentiate.T @ -normals.T.ravel(), smoothing)
+
+    def _solved(self, right: FloatArray, smoothing: FloatArray) -> FloatArray:
+        spectrum = smoothing * fft.rfftn(right.reshape(self.shape))
         return np.asarray(fft.irfftn(spectrum, self.shape))
 
 
-def winding_number(grid: Grid, n: int) -> tuple[FloatArray, FloatArray]:
-    """Find normals (n, 3) of the points, times their areas, and the winding number on the grid."""
-    normals = np.zeros((n, 3))
-    squared = np.asarray(sum(wave**2 for wave in grid.waves))
-    inverse = 1j / (2 * np.pi * np.where(squared > 0, squared, np.inf))
-    for smoothing in np.geomspace(*_SMOOTHING, _STEPS):
-        kernel = inverse * np.exp(-2 * (np.pi * smoothing) ** 2 * squared)
-        # One step of steepest descent towards a winding number of one half at all points.
-        winding = _winding(grid, kernel, normals)
-        missing = 0.5 - _inside(grid, winding)
-        spectrum = kernel.conj() * grid.spectrum(missing)
-        step = np.stack([grid.values(grid.field(wave * spectrum)) for wave in grid.waves], axis=1)
-        turned = _winding(grid, kernel, step)
-        change = _inside(grid, turned)
-        length = missing @ change / max(float(change @ change), 1e-300)
-        normals, winding = normals + length * step, winding + length * turned
-        # The normals turn to the gradient and keep their lengths.
-        slope = [grid.values(grid.field(-1j * wave * winding)) for wave in grid.waves]
-        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-        normals = unit_vectors(np.stack(slope, axis=1)) * lengths
-    field = grid.field(_winding(grid, kernel, normals))
-    return normals, field - _outside(field)
+def winding_number(points: FloatArray, cell: float) -> tuple[Grid, FloatArray, FloatArray]:
+    """Find normals (n, 3) of the points, times their areas, and the winding number on a grid."""
+    normals = np.zeros_like(points)
+    widths = np.geomspace(*_SMOOTHING, _STEPS)
+    coarse = widths >= _COARSE * _SMOOTHING[1]
+    for factor, some in (_COARSE, widths[coarse]), (1, widths[~coarse]):
+        grid = Grid(points, factor * cell)
+        normals = normals * (_COARSE / factor) ** 2  # their areas are in squared cells
+        for width in some / factor:
+            smoothing = grid.smoothing(width)
+            normals = _improved(grid, normals, smoothing)
+    field = grid.winding(normals, smoothing)
+    return grid, normals, field - _outside(field)
 
 
-def _winding(grid: Grid, kernel: ComplexArray, normals: FloatArray) -> ComplexArray:
-    """Fourier transform of the smoothed winding number."""
-    flux = sum(
-        wave * grid.spectrum(column) for wave, column in zip(grid.waves, normals.T, strict=True)
-    )
-    return np.asarray(kernel * flux)
+def _improved(grid: Grid, normals: FloatArray, smoothing: FloatArray) -> FloatArray:
+    # One step of steepest descent towards a winding number of one half at all points.
+    field = grid.winding(normals, smoothing)
+    missing = 0.5 - _inside(grid, field)
+    step = -grid.gradient(grid.potential(missing, smoothing))
+    turned = grid.winding(step, smoothing)
+    change = _inside(grid, turned)
+    length = missing @ change / max(float(change @ change), 1e-300)
+    # The normals turn to the gradient and keep their lengths.
+    slope = -grid.gradient(field + length * turned)
+    areas = np.linalg.norm(normals + length * step, axis=1, keepdims=True)
+    return np.asarray(unit_vectors(slope) * areas)
 
 
-def _inside(grid: Grid, spectrum: ComplexArray) -> FloatArray:
+def _inside(grid: Grid, field: FloatArray) -> FloatArray:
     """Winding number (n,) of the points, 0 outside."""
-    field = grid.field(spectrum)
     return grid.values(field) - _outside(field)
 
 
