@@ -1,5 +1,6 @@
 """Values come back as they were written; a table that does not fit is refused."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from unbend import Mesh, read_mesh
-from unbend.errors import FileError, InputError
+from unbend.errors import FileError, InputError, UnbendWarning
 from unbend.io import VALUE_SUFFIXES, read_named_values, read_values, write_values
 
 SHAPES = array_shapes(min_dims=1, max_dims=2, max_side=6)
@@ -268,9 +269,21 @@ def test_columns_keep_their_names_where_a_file_can_have_them(blob: Mesh, tmp_pat
     with pytest.raises(InputError, match="2 columns cannot have 1 name"):
         write_values(tmp_path / "b.csv", values, blob, kind="weights", names=["one"])
     assert not (tmp_path / "b.csv").exists()
-    for unfit in (["x", "y"], ["one", "one"], ["", "two"], []):
-        write_values(tmp_path / "b.ply", values, blob, kind="weights", names=unfit)
-        assert read_named_values(tmp_path / "b.ply")[1] == ["value_0", "value_1"]
+    write_values(tmp_path / "b.ply", values, blob, kind="weights")
+    assert read_named_values(tmp_path / "b.ply")[1] == ["value_0", "value_1"]
+    three = np.eye(642)[:, :3]
+    for suffix, unfit, kept in (
+        ("ply", ["x", "hip", "y"], ["value_0", "hip", "value_2"]),
+        ("ply", ["左腕", "右腕", "hip"], ["value_0", "value_1", "hip"]),
+        ("csv", ["hip", "hip", "one"], ["value_0", "value_1", "one"]),
+        ("csv", ["hip", "", "value_1"], ["value_0", "value_1", "value_2"]),
+    ):
+        with pytest.warns(UnbendWarning, match=rf"c.{suffix}: renamed {unfit[0]}, .*value_"):
+            write_values(
+                tmp_path / f"c.{suffix}", three, blob, kind="weights", names=np.array(unfit)
+            )
+        columns = (tmp_path / f"c.{suffix}").read_bytes()
+        assert all(re.search(rb"(^|[ ,])%s[,\n]" % name.encode(), columns) for name in kept)
     write_values(tmp_path / "b.ply", values[:, 0].astype(int), blob, kind="label", names=["part"])
     assert read_named_values(tmp_path / "b.ply")[1] == ["label"]
     np.save(tmp_path / "a.npy", values)

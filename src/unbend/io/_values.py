@@ -208,7 +208,8 @@ def write_values(
         or ``"uv"``.
     names : sequence of str, optional
         Of the columns, in .csv, .ply and .vtp files. Mesh files hold labels, colours and texture
-        coordinates under names of their own, and what cannot be a name there is replaced.
+        coordinates under names of their own, and what cannot be in a name there is replaced by _.
+        Columns without a name of their own are numbered, with a warning.
     like : path, optional
         An OBJ file whose lines an .obj file keeps, see :func:`unbend.write_mesh`.
 
@@ -244,7 +245,7 @@ def write_values(
         raise InputError(
             f"{plural(columns.shape[1], 'column')} cannot have {plural(len(names), 'name')}"
         )
-    names = _names(names, columns.shape[1], kind, suffix)
+    names = _names(names, columns.shape[1], kind, path)
     rows = (columns.astype(np.int64) if columns.dtype == bool else columns).tolist()
     if suffix == ".npy":
         with atomic_write(path) as file:
@@ -274,16 +275,26 @@ def write_values(
         )
 
 
-def _names(given: Sequence[str], width: int, kind: str, suffix: str) -> list[str]:
+def _names(given: Sequence[str], width: int, kind: str, path: Path) -> list[str]:
     """Names of columns: those given if a file can have them."""
-    names = list(given)
+    suffix = path.suffix.lower()
+    numbered = _numbered(kind if kind in ("label", "color", "uv") else "value", width)
+    own = kind in ("color", "uv") or (kind == "label" and suffix != ".csv")
+    if own or len(given) == 0:
+        return numbered
+    names, taken, need = list(given), ("",), "give each a name of its own"
     if suffix != ".csv":
         names = [re.sub(r"\W|^(?=\d)", "_", name, flags=re.ASCII) for name in given]
-        names = [] if {*names} & {*TAKEN} else names
-    own = kind in ("color", "uv") or (kind == "label" and suffix != ".csv")
-    if not own and len(set(filter(None, names))) == width:
-        return names
-    return _numbered(kind if kind in ("label", "color", "uv") else "value", width)
+        taken, need = ("", *TAKEN), "names there differ in letters from A to Z; .csv keeps others"
+    clear = [names.count(name) == 1 and name not in taken for name in names]
+    kept = [names[i] if clear[i] else numbered[i] for i in range(width)]
+    if len(set(kept)) < width:
+        kept = numbered
+    lost = [i for i in range(width) if kept[i] != names[i]]
+    if lost and suffix in (".csv", *SCALAR_SUFFIXES):
+        old, new = (", ".join(some[i] for i in lost) for some in (given, kept))
+        warn(f"{path.name}: renamed {old} to {new}: {need}")
+    return kept
 
 
 def _numbered(name: str, width: int) -> list[str]:
