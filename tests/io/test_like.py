@@ -71,6 +71,12 @@ def test_only_positions_and_normals_change(tmp_path):
     assert b"v 0.0 0.0 0.0 1 0 0 # a red corner\n" in found
 
 
+def test_normals_stay_as_they_were_made_if_nothing_moves(tmp_path):
+    made = CUBE.replace(b"vn 0 0 1", b"vn .6 0 .8")
+    found = written(tmp_path, made, colors=np.zeros((8, 3), int))
+    assert lines_but(found, b"v") == lines_but(made.replace(b"1 \\\n  1", b"1 1"), b"v")
+
+
 def test_normals_turn_with_the_surface_and_edges_stay_sharp(tmp_path):
     found = written(tmp_path, CUBE, lambda vertices: vertices @ TURN + 1000)
     normals = [line.split()[1:] for line in found.split(b"\n") if line.startswith(b"vn")]

@@ -60,20 +60,20 @@ def say(kind: str, sentence: str) -> None:
         typer.echo(f"{kind}: {printable(sentence)}", err=True)
 
 
-def lines_to_keep(out: str, original: str, *, whole: bool = True) -> str | None:
+def lines_to_keep(out: str, original: str, *, whole: bool = True, moved: bool = True) -> str | None:
     """Give the OBJ file whose lines an OBJ file keeps, if any; say what of the original is lost.
 
-    `whole` says that `out` gets all faces of the original.
+    `whole` says that `out` gets all faces of the original, and `moved` that they are elsewhere.
     """
     held = unbend.io.file_extras(original)
     if whole and out.lower().endswith(".obj") and original.lower().endswith(".obj"):
-        kept = ""
-        if "normals" in held:
-            kept = "; its normals are recomputed, or left out where unlike faces share one"
+        kept = ", with new positions of used vertices" if moved else ""
+        if moved and "normals" in held:
+            kept += "; its normals are recomputed, or left out where unlike faces share one"
         folders = {os.path.realpath(os.path.dirname(path)) for path in (out, original)}
         if "materials" in held and len(folders) == 2:
             kept += f"; its materials stay in the folder of {original}"
-        say("note", f"{out} has all lines of {original}, with new positions of used vertices{kept}")
+        say("note", f"{out} has all lines of {original}{kept}")
         return original
     if held:
         say("note", f"{out} does not keep {', '.join(held)} of {original}")

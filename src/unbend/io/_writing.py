@@ -69,9 +69,10 @@ def write_mesh(
         Texture coordinates per vertex. PLY (as properties s and t), OBJ, GLB and VTP only.
     like : path, optional
         An OBJ file that the mesh was read from. All its lines are kept (texture coordinates,
-        materials, groups, polygons); only positions are replaced, and normals recomputed from the
-        faces that share them, or left out where these now face elsewhere. Names of material files
-        are given relative to the new file; no file is copied. OBJ only, without `uvs`.
+        materials, groups, polygons); only positions are replaced, and, if any moved, normals
+        recomputed from the faces that share them, or left out where these now face elsewhere.
+        Names of material files are given relative to the new file; no file is copied. OBJ only,
+        without `uvs`.
 
     Raises
     ------
@@ -152,7 +153,9 @@ def _rewritten(like: Path, path: Path, mesh: Mesh, colors: npt.NDArray[np.uint8]
             contents.faces, mesh.faces
         ):
             raise FileError("has other vertices or faces than the mesh; its lines cannot be kept")
-        return obj.rewrite(data, mesh.vertices, colors, _way(path.parent, like.parent))
+        moved = not np.array_equal(contents.vertices, mesh.vertices, equal_nan=True)
+        folder = _way(path.parent, like.parent)
+        return obj.rewrite(data, mesh.vertices, colors, folder, normals=moved)
 
 
 def moved_obj(path: StrPath, folder: StrPath) -> bytes:

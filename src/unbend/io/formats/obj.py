@@ -143,8 +143,10 @@ def rewrite(
     vertices: FloatArray,
     colors: npt.NDArray[np.uint8] | None = None,
     folder: bytes = b"",
+    *,
+    normals: bool = True,
 ) -> bytes:
-    """Replace the positions in a file, and recompute its normals; other lines stay as they are.
+    """Replace the positions in a file, recompute its normals if asked to, and keep other lines.
 
     Faces lose their normals where these are shared by vertices that now face elsewhere. A vertex
     that is not finite keeps its line. The names of material files are put after `folder`.
@@ -160,10 +162,10 @@ def rewrite(
     text, count = _V_LINE.subn(position, data)
     if count != len(vertices):
         raise FileError(f"has {count} plain v lines for {plural(len(vertices), 'vertex')}")
-    if b"vn" in data:
+    if normals and b"vn" in data:
         found, apart, n_faces = _normals(data, vertices)
-        normals, faces = iter(_texts(found.round(6))), itertools.count()
-        text = _VN_LINE.sub(lambda line: line[1] + (next(normals, None) or line[2]), text)
+        rows, faces = iter(_texts(found.round(6))), itertools.count()
+        text = _VN_LINE.sub(lambda line: line[1] + (next(rows, None) or line[2]), text)
         if apart and len(_F_LINE.findall(text)) == n_faces:
             text = _F_LINE.sub(
                 lambda line: _OF_NORMAL.sub(rb"\1\2", line[0]) if next(faces) in apart else line[0],
