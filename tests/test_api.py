@@ -119,7 +119,7 @@ def test_every_public_name_can_be_had_from_a_core_install():
         (lambda out: similarity_page([BALL] * 2, "12"), "values: needs real numbers"),
         (lambda out: search_page(BALL, [BALL], ["1"]), "values: needs real numbers"),
         (lambda out: unbend.spectrum(BALL, "5"), "number of eigenpairs must be"),
-        (lambda out: unbend.spectrum(BALL, 5, tolerance="x"), "tolerance must be from 0 to 1"),
+        (lambda out: unbend.spectrum(BALL, 5, tolerance="x"), "tolerance must be at least 0"),
         (lambda out: unbend.spectrum(BALL, 5, tolerance=None), "not None"),
         (lambda out: unbend.distance(BALL, 0, distance="diffusion", time="x"), "time must be pos"),
         (lambda out: unbend.farthest_point_sampling(BALL, "3"), "number of samples must be"),
@@ -133,7 +133,7 @@ def test_every_public_name_can_be_had_from_a_core_install():
         (lambda out: unbend.align(FORMS[0], FORMS[0] * 1j), "target points: needs real numbers"),
         (
             lambda out: unbend.align(FORMS[0], FORMS[0], tolerance="x"),
-            "tolerance must be from 0 to 1",
+            "tolerance must be at least 0",
         ),
         (
             lambda out: unbend.align(*FORMS[:2]).apply(FORMS[0][:, :2]),

@@ -226,7 +226,7 @@ def test_no_more_iterations_than_allowed(limit: int) -> None:
     ],
 )
 def test_options_out_of_range(options: dict[str, float]) -> None:
-    with pytest.raises(InputError, match=r"a whole number of at least 0|from 0 to 1"):
+    with pytest.raises(InputError, match=r"a whole number of at least 0|at least 0 and below 1"):
         align(_cloud(60, 3), _cloud(70, 3, 1), **options)
 
 

@@ -127,6 +127,8 @@ def test_one_component_keeps_its_faces_and_what_is_said_of_the_mesh() -> None:
     assert (kept.name, kept.notes) == ("a", ("b",))
     part = prepare(noted, component=0).mesh
     assert (part.name, part.notes) == ("a", ("b",))
+    pair = only_component((TWO.vertices, TWO.faces), 0)
+    np.testing.assert_array_equal(pair.faces, TWO.faces[1:])
 
 
 def test_many_components_are_summarised() -> None:

@@ -223,7 +223,10 @@ def test_points_too_close_to_be_corners_of_the_surface_split_its_triangles() -> 
 
 def test_a_cloud_that_is_asked_for_again_is_not_computed_again() -> None:
     cloud = Mesh(sphere(600))
-    assert surface_of_points(cloud) is surface_of_points(cloud)
+    found = surface_of_points(cloud)
+    assert surface_of_points(cloud) is found
+    again = surface_of_points(cloud.vertices)  # anything that is a mesh will do
+    np.testing.assert_array_equal(again.mesh.faces, found.mesh.faces)
 
 
 def test_nobody_changes_what_others_get() -> None:

@@ -279,7 +279,7 @@ def test_residuals_are_as_small_as_asked(tol):
 
 @pytest.mark.parametrize("tol", [-1e-8, 1, np.nan])
 def test_a_tolerance_is_a_share(blob, tol):
-    with pytest.raises(InputError, match="tolerance must be from 0 to 1, not"):
+    with pytest.raises(InputError, match="tolerance must be at least 0 and below 1, not"):
         spectrum(blob, 3, tolerance=tol)
 
 

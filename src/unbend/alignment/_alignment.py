@@ -231,7 +231,7 @@ def align(
         )
     check_whole(max_iterations, "max_iterations")
     if not is_number(tolerance) or not 0 <= tolerance < 1:
-        raise InputError(f"tolerance must be from 0 to 1, not {tolerance!r}")
+        raise InputError(f"tolerance must be at least 0 and below 1, not {tolerance!r}")
     centers = source.mean(axis=0), target.mean(axis=0)
     left, right = source - centers[0], target - centers[1]
     unit = unit_of(right)

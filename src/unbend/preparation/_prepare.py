@@ -10,6 +10,7 @@ from unbend._arrays import coarse_steps, count_repeats, first_equal_row, is_whol
 from unbend._text import plural
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.errors import InputError, MeshError
+from unbend.io import MeshLike, as_mesh
 from unbend.mesh import (
     Components,
     Mesh,
@@ -110,8 +111,9 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
     return Prepared(working, kept, kept_faces, mesh.n_vertices, bool(problems), tuple(notes))
 
 
-def only_component(mesh: Mesh, component: str | int | None) -> Mesh:
-    """Keep the faces of one component, as for :func:`prepare`, and every vertex."""
+def only_component(mesh: MeshLike, component: str | int | None) -> Mesh:
+    """Keep the faces of one component, "largest" or a number from 0, and every vertex."""
+    mesh = as_mesh(mesh)
     if component is None:
         return mesh
     kept = np.zeros(mesh.n_vertices, dtype=bool)

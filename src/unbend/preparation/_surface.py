@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 from unbend._arrays import unit_of, unit_vectors
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.errors import MeshError
+from unbend.io import MeshLike, as_mesh
 from unbend.mesh import Mesh, find_components, find_edges, label_linked, orient_consistently
 from unbend.preparation._prepare import check_size
 from unbend.preparation._tetrahedra import (
@@ -71,13 +72,12 @@ class PointSurface(NamedTuple):
     point_of_vertex: IntArray
 
 
-@lru_cache(maxsize=2)  # meshes never change, and a match and a registration ask for the same
-def surface_of_points(cloud: Mesh) -> PointSurface:
+def surface_of_points(cloud: MeshLike) -> PointSurface:
     """Reconstruct the surface of a point cloud.
 
     Parameters
     ----------
-    cloud : Mesh
+    cloud : mesh-like
         A point cloud of at least 500 points.
 
     Returns
@@ -105,6 +105,11 @@ def surface_of_points(cloud: Mesh) -> PointSurface:
     >>> health.closed, health.genus, round(health.area / 3.14159)
     (True, 0, 4)
     """
+    return _surface_of_points(as_mesh(cloud))
+
+
+@lru_cache(maxsize=2)  # meshes never change, and a match and a registration ask for the same
+def _surface_of_points(cloud: Mesh) -> PointSurface:
     check_size(cloud)
     unit = unit_of(cloud.vertices)
     middle = (cloud.vertices / unit).mean(axis=0)

@@ -120,7 +120,7 @@ def spectrum(
     array([0., 2., 2., 2.])
     """
     if not is_number(tolerance) or not 0 <= tolerance < 1:
-        raise InputError(f"tolerance must be from 0 to 1, not {tolerance!r}")
+        raise InputError(f"tolerance must be at least 0 and below 1, not {tolerance!r}")
     surface = make_surface(mesh, laplacian=laplacian, area_kind=area_kind, connected=False)
     unit = eigenpairs(surface, n_eigenpairs, tolerance=tolerance)
     expand = surface.prepared.expand
