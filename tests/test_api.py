@@ -115,7 +115,10 @@ def test_every_public_name_can_be_had_from_a_core_install():
     ("call", "sentence"),
     [
         (lambda out: interpolate([1.0], [0], BALL), "needs a Spectrum, not Mesh"),
-        (lambda out: unbend.write_mesh(out, BALL, scalars=[1]), "scalars must be a dictionary"),
+        (
+            lambda out: unbend.write_mesh(out, BALL, scalars=np.eye(2)),
+            "scalars must be a dictionary",
+        ),
         (lambda out: similarity_page([BALL] * 2, "12"), "values: needs real numbers"),
         (lambda out: search_page(BALL, [BALL], ["1"]), "values: needs real numbers"),
         (lambda out: unbend.spectrum(BALL, "5"), "number of eigenpairs must be"),

@@ -94,6 +94,8 @@ def write_mesh(
     path = check_writable(path, WRITE_SUFFIXES)
     suffix = path.suffix.lower()
     mesh = as_mesh(mesh)
+    if not isinstance(scalars, Mapping | None):
+        raise InputError("scalars must be a dictionary of names and values")
     if scalars and suffix not in SCALAR_SUFFIXES:
         raise InputError(f"{suffix} files cannot hold values per vertex; write .ply or .vtp")
     if suffix not in COLOR_SUFFIXES and (colors is not None or uvs is not None):
@@ -177,8 +179,6 @@ def _scalars(
     scalars: Mapping[str, npt.ArrayLike], n_vertices: int, taken: list[str]
 ) -> dict[str, FloatArray]:
     arrays = {}
-    if not isinstance(scalars, Mapping):
-        raise InputError("scalars must be a dictionary of names and values")
     for name, values in scalars.items():
         word = isinstance(name, str) and re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII)
         if not word or name in taken:
