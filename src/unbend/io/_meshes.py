@@ -141,5 +141,5 @@ def as_mesh(mesh: MeshLike) -> Mesh:
         return Mesh(given)
     raise InputError(
         f"a {type(given).__name__} is not a mesh: give a Mesh, a file's path, a (vertices, faces) "
-        "pair, or an object with .vertices and .faces"
+        "pair, an (n, 3) NumPy array of points, or an object with .vertices and .faces"
     )
