@@ -48,8 +48,9 @@ class Match:
         Pulls functions back from target to source, in the first k eigenfunctions (the constant
         among them, unit total area) of the largest components, or of the surfaces reconstructed
         from point clouds: ``source_basis @ functional_map`` is close to
-        ``target_basis[source_to_target]``. For areas `a` of the source that sum to one, 0 where
-        there is no partner, it is ``source_basis.T @ diag(a) @ target_basis[source_to_target]``.
+        ``target_basis[source_to_target]`` where there are partners. It is
+        ``source_basis.T @ diag(a) @ target_basis[source_to_target]`` for areas `a` of the source
+        as shares of its whole area, but 0 where there is no partner.
     orientation : float
         Share of the surface that is kept right side out, less the rest: -1 to 1. A good map
         between people has about 0.5, its mirror image -0.5.

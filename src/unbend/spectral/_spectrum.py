@@ -96,7 +96,7 @@ def spectrum(
         If the mesh cannot be used; the message names the vertex or face. If its computation does
         not fit into the memory that is free.
     SolverError
-        If an eigenpair's residual stays larger than `tolerance`.
+        If an eigenpair's residual stays larger than `tolerance` and what rounding explains.
 
     Notes
     -----
