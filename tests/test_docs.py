@@ -8,6 +8,7 @@ import functools
 import io
 import re
 import shlex
+from collections import defaultdict
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -167,21 +168,36 @@ def test_every_page_can_be_found():
         assert page.stem in listed | {"index"}, f"{page.name} is in no table of contents"
 
 
+def listed_in_reference():
+    """The names in the reference of functions and classes, by module."""
+    text = (DOCS / "api" / "index.rst").read_text("utf-8")
+    parts = re.split(r"^\.\. currentmodule:: (.*)$", text, flags=re.MULTILINE)
+    listed = defaultdict(list)
+    for module, part in zip(parts[1::2], parts[2::2], strict=True):
+        listed[module] += re.findall(r"^(?:   |\.\. data:: )(\w+)$", part, re.MULTILINE)
+    return listed
+
+
 def test_every_public_name_is_in_the_reference():
+    listed = listed_in_reference()
     folders = {
         f"unbend.{name}": set(_public(name)).difference(unbend.__all__)
         for name in ("datasets", "report")
     }
     for module, names in {"unbend": unbend.__all__, **folders}.items():
-        text = (DOCS / "api" / "index.rst").read_text("utf-8")
-        parts = re.split(r"^\.\. currentmodule:: (.*)$", text, flags=re.MULTILINE)
-        listed = [
-            name
-            for here, part in zip(parts[1::2], parts[2::2], strict=True)
-            for name in re.findall(r"^(?:   |\.\. data:: )(\w+)$", part, re.MULTILINE)
-            if here == module
-        ]
-        assert sorted(listed) == sorted(names)
+        assert sorted(listed[module]) == sorted(names)
+
+
+def test_names_on_pages_are_in_the_reference():
+    listed = listed_in_reference()
+    for page in WRITTEN:
+        text = page.read_text("utf-8")
+        for module, names in [
+            *re.findall(r"`(unbend\.\w+)\.(\w+)`", text),
+            *re.findall(r"from (unbend(?:\.\w+)?) import ([\w, ]+)", text),
+        ]:
+            unlisted = set(names.split(", ")).difference(listed[module], listed["unbend"])
+            assert not unlisted, f"{page.name}: {module}: {unlisted}"
 
 
 def _public(module):

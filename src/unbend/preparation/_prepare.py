@@ -112,7 +112,32 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
 
 
 def only_component(mesh: MeshLike, component: str | int | None) -> Mesh:
-    """Keep the faces of one component, "largest" or a number from 0, and every vertex."""
+    """Keep the faces of one connected component, and every vertex.
+
+    Parameters
+    ----------
+    mesh : mesh-like
+    component : int or "largest" or None
+        Components are numbered from 0, the one with the most vertices first. None keeps all faces.
+
+    Returns
+    -------
+    Mesh
+
+    Raises
+    ------
+    InputError
+        If there is no such component.
+
+    Examples
+    --------
+    >>> from unbend import Mesh
+    >>> from unbend.preparation import only_component
+    >>> faces = [[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]]
+    >>> tetrahedron = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [9, 9, 9]]
+    >>> only_component(Mesh(tetrahedron, faces), 0).n_faces
+    4
+    """
     mesh = as_mesh(mesh)
     if component is None:
         return mesh
