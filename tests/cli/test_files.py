@@ -268,7 +268,7 @@ def test_a_map_that_leaves_vertices_of_the_target_out_is_told(folder: Path) -> N
     np.save("values.npy", SAME[:400])
     given = ["transfer", "part.ply", "b.ply", "--values", "values.npy", "-o", "out.npy", "--map"]
     write_map("part.csv", SAME[:400])
-    told = "200 of 600 vertices of b.ply are the image of none, and take the value of the nearest"
+    told = "200 of 600 vertices of b.ply are the partner of no vertex of part.ply"
     assert told in right(*given, "part.csv").stderr
     torn = np.where(SAME < 400, SAME, -1)
     write_match("part.npz", Match(SAME[:400], torn, np.eye(3), 1.0, 0.0, 1.0))

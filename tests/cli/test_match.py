@@ -235,13 +235,13 @@ def test_doubt_is_said(capsys: pytest.CaptureFixture[str]) -> None:
     assert "(confidence 0.59): the final map is in disorder" in capsys.readouterr().err
     warn_if_doubtful(replace(poor, overlap_target=0.8))
     assert capsys.readouterr().err.endswith(
-        ", or match with --partial none if neither shape lacks a part\n"
+        ", or with --partial none if neither shape lacks a part\n"
     )
     warn_if_doubtful(replace(poor, landmark_hints=(3, 1)))
     told = capsys.readouterr().err
     assert "another map is nearly as good" in told
     where = "best at source vertex 3 or 1 (counted from 0)"
-    assert f"place landmarks with unbend view, {where}, for --landmarks" in told
+    assert f"place landmarks with unbend view, {where}, and match again with --landmarks" in told
 
 
 @pytest.mark.parametrize(

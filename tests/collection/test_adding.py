@@ -67,7 +67,5 @@ def test_a_row_tells_what_a_file_holds(tmp_path: Path, monkeypatch: pytest.Monke
         if np.isfinite(numbers).all():
             assert "it is odd" in described()["notes"]
         else:
-            with pytest.raises(
-                MeshError, match=r"^its description is not finite; try unbend check"
-            ):
+            with pytest.raises(MeshError, match=r"^its descriptor is not finite; try unbend check"):
                 described()

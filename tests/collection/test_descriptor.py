@@ -209,7 +209,7 @@ def test_what_has_no_area_is_refused():
 )
 def test_heat_that_is_lost_is_an_error(person, spoil):
     basis = make_basis(person)
-    with pytest.raises(SolverError, match="heat and waves are off by"):
+    with pytest.raises(SolverError, match="signatures are off by"):
         describe(basis._replace(functions=spoil(basis.functions)))
 
 

@@ -181,7 +181,7 @@ def needled(mesh, share, seed):
 
 
 def test_exact_geodesics_that_do_not_arrive_are_an_error(blob):
-    with pytest.raises(SolverError, match=r"do not get to \d+ vert"):
+    with pytest.raises(SolverError, match=r"do not reach \d+ vert"):
         geodesic_solver(needled(blob, 1e-6, 2), exact=True)(0)
 
 

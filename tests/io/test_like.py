@@ -151,7 +151,7 @@ def test_what_does_not_fit_is_refused(tmp_path):
         write_mesh(tmp_path / "out.ply", triangle, like=tmp_path / "in.obj")
     # The second line belongs to the first.
     (tmp_path / "in.obj").write_bytes(b"g a \\\nv 9 9 9\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\n")
-    with pytest.raises(FileError, match="has 4 plain v lines for 3 vertices"):
+    with pytest.raises(FileError, match=r"has 4 plain v lines .* save it again"):
         write_mesh(tmp_path / "out.obj", triangle, like=tmp_path / "in.obj")
     assert not (tmp_path / "out.obj").exists()
 

@@ -25,8 +25,8 @@ def check_axes(points: FloatArray, eigenvalues: FloatArray, weights: FloatArray,
     skew = max(float(np.abs(apart).max()) / largest, float(np.abs(middle).max()))
     if not skew <= _SKEW:
         raise SolverError(
-            f"{name}: the form's columns miss their eigenvalues, each other's right angles or the "
-            f"middle by {skew:.1e} of the largest eigenvalue"
+            f"{name}: the form is not centred, or its columns are not orthogonal or do not have "
+            f"their eigenvalues' lengths, by {skew:.1e} of the largest eigenvalue"
         )
 
 

@@ -110,12 +110,12 @@ def warn_if_doubtful(match: unbend.Match, *, seen: bool = False) -> None:
     where = where_landmarks_help(match.landmark_hints)
     whole = ""
     if min(match.overlap_source, match.overlap_target) < 1:
-        whole = ", or match with --partial none if neither shape lacks a part"
+        whole = ", or with --partial none if neither shape lacks a part"
     trust = f"the match is doubtful (confidence {match.confidence:.2f}): {reason}"
     say(
         "warning",
-        f"{trust}; look at it {look}, and where it is wrong place landmarks with unbend "
-        f"view{where}, for --landmarks{whole}",
+        f"{trust}; look at it {look}, and if it is wrong place landmarks with unbend view{where}, "
+        f"and match again with --landmarks{whole}",
     )
 
 

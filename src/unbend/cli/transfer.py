@@ -97,9 +97,9 @@ def transfer(
         if filled > 0 and not isinstance(found, unbend.Match):
             output.say(
                 "note",
-                f"{filled:,} of {len(back):,} vertices of {b.name} are the image of none, and "
-                "take the value of the nearest that is one; a .npz map leaves out those beyond "
-                "the overlap",
+                f"{filled:,} of {len(back):,} vertices of {b.name} are the partner of no vertex of "
+                f"{a.name}, and take the value of the nearest one that is; with a .npz map, those "
+                "beyond the overlap take none",
             )
     if expected_error is not None:
         errors = unbend.transfer(errors, found, kind="scalar", source=a, target=b)

@@ -146,7 +146,7 @@ def make_row(file: File) -> dict[str, Any]:
         basis = make_basis(mesh)
         descriptor, form = describe(basis), sample_form(basis)
     if not (np.isfinite(descriptor).all() and np.isfinite(form).all()):
-        raise MeshError("its description is not finite; try unbend check on it")
+        raise MeshError("its descriptor is not finite; try unbend check on it")
     notes = dict.fromkeys([*mesh.notes, *said])
     return {
         "id": digest,

@@ -57,7 +57,7 @@ def descriptor(mesh: MeshLike) -> npt.NDArray[np.float32]:
     MeshError
         If the mesh has no area, or its computation does not fit into the memory that is free.
     SolverError
-        If its eigenpairs do not reach their accuracy, or heat or waves are lost.
+        If its eigenpairs do not reach their accuracy, or the integrals of its signatures are off.
 
     Notes
     -----
@@ -108,11 +108,11 @@ def describe(basis: Basis) -> npt.NDArray[np.float32]:
     """Descriptor of a shape whose eigenpairs are known; see :func:`descriptor`."""
     heat = heat_kernel(basis, _TIMES)
     waves = wave_kernel(basis, _ENERGIES, _WIDTH)
-    # Over the surface, heat sums to its trace, and waves to one.
+    # Over the surface, the heat kernel integrates to its trace, and the wave kernel to one.
     traces = np.exp(-np.outer(basis.values, _TIMES)).sum(axis=0)
     lost = max(np.abs(basis.areas @ heat / traces - 1).max(), np.abs(basis.areas @ waves - 1).max())
     if not lost <= _LOST:
-        raise SolverError(f"the shape's heat and waves are off by {lost:.1e} over its surface")
+        raise SolverError(f"the integrals of the shape's signatures are off by {lost:.1e}")
     heat = np.log(np.maximum(heat, _LEAST_SIGNATURE))
     waves = np.log(waves + _LEAST_SIGNATURE)
     blocks = quantiles(heat, basis.areas, _LEVELS).ravel(), log_covariance(waves, basis.areas)

@@ -70,7 +70,7 @@ def warn_of_others(given: Iterable[str]) -> None:
             example = os.path.join(os.path.dirname(path), f"*{Path(path).suffix}")
         if counts:
             kinds = ", ".join(plural(number, f"{one} file") for one, number in counts.items())
-            warn(f"{folder}: left out {kinds}; name them to take them, as by {quoted(example)}")
+            warn(f"{folder}: left out {kinds}; name them to add them, as in {quoted(example)}")
 
 
 def _walk(folder: str, suffixes: tuple[str, ...] = _SUFFIXES) -> Iterator[str]:

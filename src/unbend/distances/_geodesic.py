@@ -132,9 +132,9 @@ def _exact(mesh: Mesh) -> _FromVertex:
         unreached = ~(distances < lengths.sum())
         if unreached.any():
             raise SolverError(
-                f"{mesh.name}: exact geodesics do not get to "
-                f"{plural(int(unreached.sum()), 'vertex')}, through faces without area; use "
-                "geodesic, or mend the mesh"
+                f"{mesh.name}: exact geodesics do not reach "
+                f"{plural(int(unreached.sum()), 'vertex')}, because faces have no area; use "
+                "geodesic, or repair the mesh"
             )
         steps = np.abs(distances[tails] - distances[heads]) - lengths
         steep = float(steps.max() / distances.max())

@@ -161,7 +161,10 @@ def rewrite(
 
     text, count = _V_LINE.subn(position, data)
     if count != len(vertices):
-        raise FileError(f"has {count} plain v lines for {plural(len(vertices), 'vertex')}")
+        raise FileError(
+            f"has {count} plain v lines for {plural(len(vertices), 'vertex')}, so its lines cannot "
+            "be kept; save it again, or write another format"
+        )
     if normals and b"vn" in data:
         found, apart, n_faces = _normals(data, vertices)
         rows, faces = iter(_texts(found.round(6))), itertools.count()
