@@ -178,11 +178,9 @@ def align(
 ) -> Alignment:
     """Align two point sets by iterative closest points, from every choice of axis signs.
 
-    Canonical forms are unique up to an orthogonal matrix. The principal axes of both sets are
-    aligned with every choice of signs of the first 8 axes. Each choice is tried on a subset of
-    the points; the best are refined there by a few iterations, and the best of those on all
-    points until convergence. If several motions fit equally well, because the shape is
-    symmetric, the first choice of signs is taken.
+    The principal axes of both sets are aligned with every choice of signs of the first 8 axes.
+    Each choice is tried on a subset of the points, and the best are refined on all of them. If
+    several motions fit equally well, because the shape is symmetric, the first choice is taken.
 
     Parameters
     ----------

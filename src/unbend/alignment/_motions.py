@@ -1,9 +1,4 @@
-"""Motions that lay one oriented surface onto another, whatever was cut off either.
-
-Points of one surface are laid onto points of the other, normal onto normal, and the surface is
-turned about the normal. A motion is the better, the more of both surfaces it lays near the other
-one, facing as that does. What it lays beyond a boundary may be missing there, and counts half.
-"""
+"""Motions that lay one oriented surface onto another, whatever was cut off either."""
 
 from __future__ import annotations
 

@@ -163,12 +163,12 @@ class Collection:
         n : int, default=10
             How many to find.
         rerank : {"none", "form", "match"}, default="none"
-            What the best by descriptor are ranked by again: how well their canonical forms align
-            (of 2 n, or 100 where that is more; hundredths of a second each), or the energy of the
-            query's match with them (of 2 n; seconds each, from their files).
+            Order the best again: by how well their canonical forms align (the best 2 n, or 100 if
+            that is more; hundredths of a second each), or by the energy of the query's match with
+            them (the best 2 n; seconds each, from their files).
         index : bool, default=False
-            Search approximately, with an index that is made, or brought up to date, first: worth
-            it beyond 100,000 shapes. Otherwise every shape is looked at.
+            Search approximately, with an index that is created or updated first: faster beyond
+            100,000 shapes.
         progress : callable, optional
             See :meth:`add`.
 

@@ -49,8 +49,8 @@ def descriptor(mesh: MeshLike) -> npt.NDArray[np.float32]:
     Returns
     -------
     (206,) ndarray of float32
-        Alike for like shapes, by Euclidean distance. Of one version they can be compared:
-        ``DESCRIPTOR_VERSION``.
+        Similar shapes have a small Euclidean distance. Only descriptors of one
+        ``DESCRIPTOR_VERSION`` can be compared.
 
     Raises
     ------
@@ -59,13 +59,11 @@ def descriptor(mesh: MeshLike) -> npt.NDArray[np.float32]:
     SolverError
         If its eigenpairs do not reach their accuracy, or the integrals of its signatures are off.
 
-    Notes
-    -----
-    Quantiles of the heat kernel signature (Sun, Ovsjanikov & Guibas, SGP 2009) at 8 times, and the
-    covariance (Arsigny et al., SIMAX 29, 2007) of the wave kernel signature (Aubry, Schlickewei &
-    Cremers, 2011) at 12 energies; all as logarithms, so that a difference is a ratio on every
-    scale. Each of the two counts by the mean square of its entries. Nothing is trained. The order
-    of vertices and faces and the orientation of faces change nothing beyond rounding.
+    References
+    ----------
+    Quantiles of the heat kernel signature (Sun, Ovsjanikov & Guibas, SGP 2009), and the covariance
+    (Arsigny et al., SIMAX 29, 2007) of the wave kernel signature (Aubry, Schlickewei & Cremers,
+    2011).
 
     Examples
     --------

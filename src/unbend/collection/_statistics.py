@@ -72,7 +72,7 @@ def shape_statistics(
 ) -> Statistics:
     """Mean, principal components and variability of shapes whose points correspond.
 
-    Every shape is rigidly fitted to the mean of all until that stays (generalised Procrustes
+    Every shape is rigidly fitted to the mean of all until convergence (generalised Procrustes
     analysis).
 
     Parameters
@@ -99,7 +99,7 @@ def shape_statistics(
     Warns
     -----
     UnbendWarning
-        If the shapes do not settle on a mean.
+        If the mean does not converge.
 
     References
     ----------

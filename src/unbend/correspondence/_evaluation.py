@@ -165,11 +165,6 @@ def evaluate(
     MissingExtraError
         If exact geodesics are asked for and pygeodesic is not installed.
 
-    Notes
-    -----
-    Distances are computed only from the target vertices in the ground truth. They are kept in
-    memory for the next map to the same mesh.
-
     References
     ----------
     Kim, Lipman & Funkhouser, "Blended intrinsic maps", ACM TOG 2011 (the protocol); Crane,

@@ -44,11 +44,10 @@ def transfer(
         From source to target; or the target vertex of each source vertex, -1 where there is none,
         which is inverted by :func:`unbend.io.invert_map` along the edges of `target`.
     kind : str, default="auto"
-        ``"scalar"``: averaged; numbers or vectors. ``"label"``: never
-        averaged. ``"weights"``: skinning weights, non-negative, each row brought to sum to one;
-        it may have more that are not zero than rows of `values` do.
-        ``"color"``: averaged and rounded to whole numbers from 0 to 255. ``"uv"``: averaged;
-        texture coordinates, two columns. ``"auto"``: scalar for fractions and columns of floats;
+        ``"scalar"``: averaged; numbers or vectors. ``"label"``: never averaged. ``"weights"``:
+        averaged; skinning weights, non-negative, each row scaled to sum to one. ``"color"``:
+        averaged and rounded to whole numbers from 0 to 255. ``"uv"``: averaged; texture
+        coordinates, two columns. ``"auto"``: scalar for fractions and columns of floats;
         color for whole numbers from 0 to 255 in three or four columns; scalar for other columns of
         whole numbers; label for everything else, also whole numbers that are stored as floats.
     source, target : mesh-like, optional
@@ -70,11 +69,6 @@ def transfer(
     -----
     UnbendWarning
         Of a match that is in disorder, see :class:`unbend.Match`.
-
-    Notes
-    -----
-    To invert barycentric coordinates, the source's vertices are moved to their images on the
-    target. A target vertex then corresponds to the closest point of the faces around its partner.
 
     Examples
     --------

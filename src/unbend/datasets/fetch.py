@@ -34,9 +34,8 @@ def fetch_tosca_remeshed(
     """Download 23 remeshed TOSCA shapes with their ground truth, about 11 MB.
 
     Cats, centaurs, David, dogs and Michael, each shape meshed on its own with about 5,000
-    vertices. Files that are there already and whole are not downloaded again, so a download that
-    broke off is resumed by asking again. Before the first download the terms of use and what to
-    cite are printed on standard error.
+    vertices. Complete files are not downloaded again, so an interrupted download resumes. Before
+    the first download the terms of use and what to cite are printed on standard error.
 
     Parameters
     ----------

@@ -113,12 +113,6 @@ def distance(
     MeshError
         If the mesh cannot be used; the message names the vertex or face.
 
-    Notes
-    -----
-    Biharmonic and commute-time distances need the whole diagonal of their kernel. It is computed
-    from the factor by selected inversion, which takes about as long as the factorisation; each
-    source then takes two solves, or one.
-
     References
     ----------
     Lipman, Rustamov and Funkhouser, "Biharmonic distance", ACM TOG 29(3), 2010. Crane,

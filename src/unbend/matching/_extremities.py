@@ -1,10 +1,4 @@
-"""Hypotheses from extremities, for bodies whose eigenfunctions do not correspond.
-
-An extremity is a local maximum of the mean biharmonic distance to the rest of the surface. Which
-extremity corresponds to which is guessed from the geodesic distances between them, under two
-assumptions: every limb and every distance is longer or shorter by a factor of its own; or every
-distance by about the same length.
-"""
+"""Hypotheses from extremities, for bodies whose eigenfunctions do not correspond."""
 
 from __future__ import annotations
 

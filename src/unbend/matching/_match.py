@@ -64,10 +64,9 @@ def match(
 ) -> Match:
     """Match two deformable shapes, without landmarks or training.
 
-    Hypotheses come from alignments of spectral canonical forms, from pairings of extremities and,
-    for partial shapes, from rigid motions. They are registered on coarse copies of the shapes. Maps
-    that turn the surface inside out are dropped. The map wins whose patches, rotated and scaled,
-    explain most of the other shape; it is refined on the shapes themselves.
+    Many hypotheses are registered on coarse copies of the shapes. The map wins whose patches,
+    rotated and scaled, explain most of the other shape; it is refined on the shapes themselves.
+    Nothing is random: the same meshes give the same map, up to rounding.
 
     Parameters
     ----------
@@ -123,10 +122,6 @@ def match(
         Of what was done to a mesh, as when it has several components or its faces are oriented
         inward; of missed landmarks; of a map that is in disorder, so that part of it is wrong;
         and of shapes that are mirror images of each other.
-
-    Notes
-    -----
-    Nothing is random: the same meshes give the same map, up to rounding.
 
     References
     ----------
@@ -214,13 +209,7 @@ def match(
 
 
 def prepare_spectrum(mesh: MeshLike) -> None:
-    """Compute the eigenpairs that :func:`match` needs of a mesh, and keep them on disk for it.
-
-    Raises
-    ------
-    MeshError, InputError
-        See :func:`match`.
-    """
+    """Compute the eigenpairs that :func:`match` needs of a mesh, and keep them on disk for it."""
     prepare_shape(mesh, _N_EIGENPAIRS)
 
 

@@ -1,9 +1,4 @@
-"""Which vertices have a partner on the other shape, and which lie beyond its boundary.
-
-What a partial shape lacks was cut off along its boundary. So the outline of a patch without partner
-must lie near that boundary and be about as long. Otherwise the patch is not missing from the other
-shape but badly matched, and keeps its partners.
-"""
+"""Which vertices have a partner on the other shape, and which lie beyond its boundary."""
 
 from __future__ import annotations
 

@@ -1,10 +1,4 @@
-"""From the proxies to the shapes themselves: the polish, and who has a partner at all.
-
-No boundary tells where a part ends that only one shape has, such as a rider, wings, or a missing
-arm. But wherever a map leads such a part, it is nothing like what is there. It is cut off where
-little is to cut, the rest is registered without it, and then it is looked for again: a part that
-was merely led astray is explained by then.
-"""
+"""Register the best candidates on the full meshes, and leave out what only one shape has."""
 
 from __future__ import annotations
 

@@ -1,10 +1,7 @@
 """Registration: deform each shape onto the other as rigidly as possible, from a rough map.
 
-A map through smooth functions slides a little along featureless parts. Deforming the shapes
-themselves, every neighbourhood turned but hardly stretched (Sorkine & Alexa, "As-rigid-as-possible
-surface modeling", SGP 2007), takes the slide out. Points correspond that are close in both poses:
-what one deformation gets wrong the other seldom gets wrong too. They are found by walking over
-the meshes from where the map stands, so a leg is never caught by the leg beside it.
+A map through smooth functions slides a little along featureless parts. Deforming the shapes takes
+the slide out (Sorkine & Alexa, "As-rigid-as-possible surface modeling", SGP 2007).
 """
 
 from __future__ import annotations

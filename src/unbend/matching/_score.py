@@ -1,9 +1,4 @@
-"""The score of a map, and what the probability that it is right is made of.
-
-A right map carries every patch of a surface to a rotated, little stretched copy. The energy is
-what such copies leave unexplained, in both directions. Maps that turn the surface inside out are
-dropped, however well they fit.
-"""
+"""The score of a map, and the probability that it is right."""
 
 from __future__ import annotations
 

@@ -1,8 +1,6 @@
 """Hypotheses: a beam search over alignments of growing spectral canonical forms.
 
-Eigenfunctions come with unknown signs, mix where eigenvalues are close, and the low ones of a
-person do not know front from back. So nothing is decided early: every choice of signs starts a
-hypothesis, each new eigenfunction branches it, and the closest ones that differ survive.
+Eigenfunctions have unknown signs and mix where eigenvalues are close, so nothing is decided early.
 """
 
 from __future__ import annotations

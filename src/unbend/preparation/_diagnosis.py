@@ -46,8 +46,8 @@ class Diagnosis(Brief):
     inconsistent_edges : int
         Edges whose two faces are oriented against each other.
     one_sided : bool
-        Whether no turning of faces mends that, as on a Möbius strip, but for a short seam at a
-        twist smaller than a detail: :func:`unbend.match` refuses such a surface.
+        Whether the surface is non-orientable, like a Möbius strip, apart from short seams at twists
+        that are smaller than any detail: :func:`unbend.match` refuses it.
     inside_out : bool
         Whether most faces of a surface that is closed, or has small holes, are oriented inward:
         :func:`unbend.match` turns them.
@@ -73,9 +73,8 @@ class Diagnosis(Brief):
     edge_min, edge_median, edge_max : float
         Lengths of the edges; NaN without edges.
     robust_needed : bool
-        Whether computations on the whole mesh take the robust Laplacian, because degenerate faces
-        or non-manifold edges or vertices remain once repeated faces are left out. False if nothing
-        can be computed.
+        Whether computations use the robust Laplacian, because degenerate faces or non-manifold
+        edges or vertices remain once repeated faces are left out. False if nothing can be computed.
     """
 
     n_vertices: int

@@ -1,10 +1,4 @@
-"""A surface of a point cloud.
-
-The winding number on a grid gives the points normals, and tells on which side of the surface a
-large empty ball is. Those balls give points normals that are right where parts nearly touch. Noisy
-points move along their normals. The surface is made of faces of their Delaunay tetrahedra. Thin
-rings of these are cut, and what no points support is removed; if that is nothing, cuts are closed.
-"""
+"""A surface of a point cloud; docs/how-matching-works.md describes the steps."""
 
 from __future__ import annotations
 

@@ -1,11 +1,8 @@
-"""The surface among the faces of the Delaunay tetrahedra of points.
+"""The surface among the faces of the Delaunay tetrahedra of points, by a minimum cut.
 
-Every tetrahedron is inside or outside. A minimum cut chooses, so that the faces in between point
-as the normals of the points do and the surface is smooth (Lempitsky & Boykov, "Global optimization
-for shape fitting", CVPR 2007; Labatut, Pons & Keriven, "Robust and efficient surface
-reconstruction from range data", CGF 2009). Parts that nearly touch stay apart, because
-tetrahedra in the gap between them are as thin as the gap. Where parts touch and tetrahedra join
-them to rings, the rings are cut where they are narrowest.
+Lempitsky & Boykov, "Global optimization for shape fitting", CVPR 2007; Labatut, Pons & Keriven,
+"Robust and efficient surface reconstruction from range data", CGF 2009. Parts that nearly touch
+stay apart, because tetrahedra in the gap between them are as thin as the gap.
 """
 
 from __future__ import annotations

@@ -83,16 +83,13 @@ def laplacian(
     Warns
     -----
     UnbendWarning
-        If the robust Laplacian changes the area of a mesh by more than a hundredth. It widens
-        triangles thinner than about 1e-5 of the mean edge.
+        If the robust Laplacian changes the area of a mesh by more than a hundredth (it widens
+        triangles thinner than about 1e-5 of the mean edge), or if neighbouring points of a cloud
+        disagree about much of the surface.
 
     Notes
     -----
     The factor 1/2 belongs to the weights; Eq. 5 of Yang, Obaseki and Chen (2019) omits it.
-
-    The triangles around a point of a cloud are those that its Voronoi cell in its tangent plane
-    belongs to (Boissonnat and Ghosh 2014). A warning tells if neighbouring points disagree about
-    much of the surface.
 
     Examples
     --------

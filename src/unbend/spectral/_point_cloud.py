@@ -1,9 +1,7 @@
 """The Laplacian of a point cloud, from Delaunay triangles around each of its points.
 
-A point's Voronoi cell in its tangent plane tells which triangles it is a corner of (the tangential
-Delaunay complex of Boissonnat and Ghosh, 2014). Every corner adds the share of a triangle that lies
-in its own cell: where neighbouring points disagree, the surface is still covered once. Sharp and
-Crane (2020, section 5.7) add a third for each corner instead.
+They form the tangential Delaunay complex of Boissonnat and Ghosh (2014). Every corner adds the
+share of a triangle that lies in its own cell; Sharp and Crane (2020, section 5.7) add a third.
 """
 
 from __future__ import annotations

@@ -108,9 +108,7 @@ def spectrum(
     orthogonal to it; of several such vertices the first decides. Eigenvalues count as equal if they
     differ by less than a tenth of `tolerance`.
 
-    Eigenpairs are kept on disk, in the folder that the environment variable ``UNBEND_CACHE_DIR``
-    names. The cache changes no result. ``UNBEND_CACHE_GIB`` sets its largest size; 0 switches it
-    off, and so does :func:`unbend.spectral.use_cache` for a while.
+    Eigenpairs are kept on disk, see :func:`unbend.spectral.use_cache`; this changes no result.
 
     Examples
     --------

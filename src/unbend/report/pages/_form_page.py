@@ -64,9 +64,8 @@ def form_page(
 
     Notes
     -----
-    Of a shape with more than 60,000 vertices so many are drawn. A form of more than three
-    dimensions is drawn in its first three. Distances on the page are biharmonic, whatever the
-    form's, and leave out all but the first 60 eigenfunctions.
+    At most 60,000 vertices are drawn, and the first three dimensions of a form. Distances on the
+    page are biharmonic, whatever the form's, and use the first 60 eigenfunctions.
 
     Examples
     --------

@@ -59,10 +59,10 @@ def match_page(
         Anything :func:`unbend.as_mesh` accepts.
     match : Match or (n_source,) array_like of int
         From source to target; or the target vertex of each source vertex, -1 where there is none:
-        such vertices are grey. The page lets choose among a match's alternatives and mirror image.
+        such vertices are grey. The page offers the match's alternatives and mirror image, too.
     path : path, optional
-        The file to write, .html. In a notebook the page that is returned shows itself, and its
-        method :meth:`Page.open` opens it in a browser.
+        The file to write, .html. In a notebook the returned page is shown; :meth:`Page.open` opens
+        it in a browser.
     up : {"x", "y", "z"}, default="y"
         The source's axis that points upward.
     truth : sequence of 2 or 3 (r,) array_like of int, optional
@@ -89,10 +89,9 @@ def match_page(
 
     Notes
     -----
-    Of a shape with more than 60,000 vertices so many are drawn; all are computed on. The target is
-    turned as a whole, and scaled to the area of what is matched, to stand as the source does. The
-    page of what :func:`unbend.symmetry` finds, with the same object as source and target, shows the
-    shape twice as it is, without a morph.
+    At most 60,000 vertices of a shape are drawn. The target is rotated and scaled to the source.
+    For a :func:`unbend.symmetry`, with the same object as source and target, the page shows the
+    shape twice, without a morph.
 
     Examples
     --------

@@ -45,9 +45,8 @@ def similarity_page(
 ) -> Page:
     """Write how alike shapes are as a page that opens in any browser, without a network.
 
-    A heat map, the most alike beside each other, with its dendrogram; pointing at a cell tells
-    both names and the value, a click shows both shapes, which turn together. Below are pictures of
-    all shapes, to be opened likewise.
+    It has a heat map, ordered by its dendrogram. Pointing at a cell shows both names and the value;
+    a click opens both shapes, which turn together. Below are pictures of all shapes.
 
     Parameters
     ----------
@@ -75,7 +74,7 @@ def similarity_page(
 
     Notes
     -----
-    Of all shapes together 300,000 vertices are drawn, and 20,000 of any one.
+    At most 300,000 vertices are drawn in all, and 20,000 of one shape.
 
     Examples
     --------

@@ -74,7 +74,7 @@ def view(
 
     Notes
     -----
-    Of a shape with more than 60,000 vertices so many are drawn, and can become landmarks.
+    At most 60,000 vertices of a shape are drawn, and can become landmarks.
 
     Examples
     --------
