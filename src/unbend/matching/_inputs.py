@@ -195,7 +195,7 @@ def _largest(mesh: Mesh) -> tuple[Mesh, IntArray, IntArray]:
     warn(
         f"{mesh.name}: its largest component is matched, {components.n_vertices[0]:,} of "
         f"{plural(mesh.n_vertices, 'vertex')}; {plural(n_others, 'smaller component')} "
-        f"{'takes' if n_others == 1 else 'take'} the partners of its nearest vertices"
+        f"{'takes' if n_others == 1 else 'take'} the partners of the nearest vertices there"
         f"{choice}{describe_seams(mesh, components)}"
     )
     return restrict(mesh, components.of_vertex == 0)
