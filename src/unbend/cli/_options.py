@@ -105,8 +105,8 @@ HELP = {
     "report": "Write an interactive page of pictures, for a browser.",
     "csv": "Write the table to a file, too.",
     "up": "The axis that points upward in pictures; for two shapes, the source's.",
-    "component": "Which connected component to keep; numbers count from 0, largest first. For "
-    "two shapes, this applies to those that have several.",
+    "component": "Which connected component to keep; numbers count from 0, the one "
+    "with the most vertices first. For two shapes, this applies to those that have several.",
     "laplacian": "auto: robust for degenerate faces or non-manifold edges.",
     "cache": "Keep eigenpairs on disk for later runs.",
     "map": "A map that unbend match wrote, best as .npz; without it the shapes are matched first.",
@@ -120,8 +120,8 @@ HELP = {
     "property_name": "Which values of a mesh file: a property of its vertices.",
     "save_match": "Keep the match that was made, as unbend match -o does.",
     "min_confidence": "If the match's confidence is below X, write no file and exit with code 3.",
-    "workers": "Local processes; by default as many as there are processors and memory for. 0: "
-    "none beside this one.",
+    "workers": "Local processes; by default as many as there are processors and memory for; 0: "
+    "work in this process.",
     "scheduler": "A Dask scheduler to use; its workers must see the files under these paths.",
     "as_json": "Print one JSON object: the result, files written, warnings, and seconds taken.",
     "quiet": "No progress, notes or hints; only results, warnings and errors.",

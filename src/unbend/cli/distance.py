@@ -41,7 +41,7 @@ def distance(
           per vertex and source, distance_VERTEX.
       kind: geodesic: the length of the shortest path on the surface, by the heat method;
           geodesic-exact: without its error, slower. The others are spectral: they measure how far
-          apart points are in the shape as a whole, and are no lengths of paths.
+          apart points are in the shape as a whole, and are not lengths of paths.
       n_eigenpairs: Number of eigenpairs; by default no truncation.
       time: Diffusion time, in units of the mesh's area; by default 0.1.
       figure: Draw the mesh, coloured by the distance to the nearest VERTEX (.png, .pdf, .svg).

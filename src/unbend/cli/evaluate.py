@@ -37,7 +37,8 @@ def evaluate(
       source_truth: Source vertices whose image is known (.vts, .txt, .csv or .npy).
       target_truth: Their true images, row by row.
       mirrored_truth: Their images on the other side, left-right.
-      distance: geodesic: heat method, mean of small errors to 2 %; geodesic-exact: slow.
+      distance: geodesic: the heat method, whose means of small errors are within 2 % of exact
+          ones; geodesic-exact: exact, but slow.
       figure: Draw the error curves (.png, .pdf, .svg).
 
     $ unbend evaluate map.vts cat1.off cat0.vts cat1.vts

@@ -38,8 +38,8 @@ def register(
       template: The mesh to deform.
       scans: The meshes to fit it to, or folders of them.
       out: The fitted template: .ply, .obj, .glb or .vtp, coloured by the distance of each vertex
-          from the scan, yellow where that is not reached (.ply and .vtp have the distances too),
-          .off, .stl. From .obj to .obj only positions change: texture, materials, groups and
+          from the scan, yellow where it does not reach it (.ply and .vtp have the distances too);
+          .off or .stl. From .obj to .obj only positions change: texture, materials, groups and
           polygons stay. For several scans, or a folder of them, a folder.
       report: Write a page for a browser: the template, coloured by distance, beside the scan.
 

@@ -39,7 +39,8 @@ def similarity(
 
       model: The mesh to compare with.
       probes: Meshes to compare it with.
-      known: Vertex i is the same point on all shapes; else they are matched, in seconds a pair.
+      known: Vertex i is the same point on all shapes; otherwise they are matched, which takes
+          seconds for each pair.
       matrix: Compare all pairs.
       n_components: Dimension that is compared.
       distance: The distance that the forms approximate.

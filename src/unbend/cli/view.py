@@ -93,7 +93,7 @@ def app(
     it, or Ctrl-C here, ends the command and removes its temporary files.
 
       files: Meshes to begin with, or folders of them.
-      port: By default any.
+      port: The port to listen on; 0: any that is free.
       browser: Open the window in a browser.
       collection: A collection to search in the window.
 

@@ -33,8 +33,8 @@ class Diagnosis(Brief):
     ----------
     n_vertices, n_faces : int
     component_vertices, component_faces : tuple of int
-        Vertices and faces of each connected component, largest first. Two faces are connected
-        if they share a vertex. Empty for a point cloud.
+        Vertices and faces of each connected component, the most vertices first. Two faces are
+        connected if they share a vertex. Empty for a point cloud.
     boundary_edges : int
         Edges with a single face.
     boundary_loops : int

@@ -228,7 +228,7 @@ def _chosen(component: str | int | None, n_components: int, name: str) -> int | 
     if not 0 <= component < n_components:
         raise InputError(
             f"{name}: there is no component {component}; the mesh has "
-            f"{plural(n_components, 'component')}, numbered from 0, largest first"
+            f"{plural(n_components, 'component')}, numbered from 0, the most vertices first"
         )
     return int(component)
 
