@@ -52,8 +52,8 @@ class Match:
         ``source_basis.T @ diag(a) @ target_basis[source_to_target]`` for areas `a` of the source
         as shares of its whole area, but 0 where there is no partner.
     orientation : float
-        Share of the surface that is kept right side out, less the rest: -1 to 1. A good map
-        between people has about 0.5, its mirror image -0.5.
+        Share of the surface that is kept right side out, less the rest: about 1 for a good map,
+        and -1 for its mirror image.
     residual : float
         Root mean square distance of nearest neighbours in the aligned spectral forms, both
         directions; 0 for a perfect match, about 1 for none.
@@ -62,14 +62,14 @@ class Match:
         geodesic error is below 0.08 of the square root of the area.
     confidence_bound : float
         The highest confidence, 0 to 1, that the finished map allows. It is below 1 if more than a
-        tenth of the surface is turned inside out, crowded together, or not led back to where it
-        began; then part of the map is wrong. `confidence` is never higher.
+        tenth of the surface is turned inside out, crowded together, or not cycle-consistent; then
+        part of the map is wrong. `confidence` is never higher.
     disorder : float
         The largest of those shares of the area, what is turned inside out counted twice: 0 to 2.
         `confidence` falls with it from 0 on.
     hypotheses : tuple of Hypothesis
-        The one that was taken, then the runners-up as ranked.
-        Those that differ from it by less than 0.06 on average are right together with it.
+        The best one, then the runners-up. Those that differ from it by less than 0.06 on average
+        are right together with it.
     faces, weights : (n_source,) ndarray of int64, (n_source, 3) ndarray of float64, or None
         When asked for, and the target has faces: the face that each source vertex falls on, and
         its barycentric coordinates there; -1 and NaN at source vertices without partner.
@@ -79,20 +79,17 @@ class Match:
     overlap_source, overlap_target : float
         Share of either shape's area that has a partner on the other one, 0 to 1.
     alternatives : tuple of Match
-        When asked for: the runners-up as full matches, in the order of `hypotheses`. Each has its
-        own confidence, which also falls with its disorder on the full meshes. A symmetric body has
-        several maps that are as good as each other, and they share the probability.
+        When asked for: the runners-up as full matches, each with its own confidence. A symmetric
+        body has several maps that are equally good, and they share the probability.
     missed_landmarks : tuple of int
-        Rows of the landmarks that the map leads elsewhere: wrong ones are outvoted.
+        Rows of the landmarks that were ignored, because they contradict the map.
     landmark_hints : tuple of int
-        Source vertices where landmarks would help most: there the runners-up that are nearly as
-        good lead farthest elsewhere. Empty if none is.
+        Source vertices where landmarks would help most, because runners-up that are nearly as good
+        differ most there. Empty if none is as good.
     expected_error : (n_source,) ndarray of float64, or None
-        Where the map is to be trusted: a geodesic distance, in square roots of the target's area,
-        that the error of a source vertex stays below at about nine vertices in ten; NaN without
-        partner. It is large where `hypotheses` that may be right lead elsewhere. It does not bound
-        the error of a single vertex. None for a match from a file that was written before there
-        were any.
+        Where to trust the map: a geodesic distance, in square roots of the target's area, that
+        about nine errors in ten stay below; NaN without partner. It is large where `hypotheses`
+        that may be right differ. None for a match from a file of an early version.
     """
 
     source_to_target: IntArray
