@@ -114,8 +114,8 @@ def make_quadruped(
     Returns
     -------
     Shape
-        Vertices and faces are numbered alike in all poses of one body and meshing. A dog is 1.2
-        units long and 0.9 high.
+        Vertices and faces are numbered alike in all poses of one body and meshing. A standing dog
+        is 1.5 units long, with its tail, and 1.0 high.
 
     Raises
     ------
