@@ -62,6 +62,14 @@ def test_components_that_meet_in_seams_are_told() -> None:
         prepare(Mesh(vertices, faces), component=1)
 
 
+def test_a_slit_is_told() -> None:
+    square = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [1, 0, 0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]])
+    (note,) = prepare(Mesh(square, faces)).notes
+    assert note.startswith("1 boundary vertex has the position of another one, so the surface is")
+    assert prepare(Mesh(square[:5], np.where(faces == 5, 1, faces))).notes == ()
+
+
 @pytest.mark.parametrize("component", ["largest", 0, np.int64(0)])
 def test_the_largest_component(component: str | int) -> None:
     prepared = prepare(TWO, component=component)

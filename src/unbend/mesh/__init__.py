@@ -12,6 +12,7 @@ from unbend.mesh._mesh import (
 from unbend.mesh._topology import (
     FACES_AT_ONCE,
     Components,
+    Edges,
     count_non_manifold_vertices,
     edge_ends,
     faces_around,
@@ -30,6 +31,7 @@ from unbend.mesh._winding import orient_consistently, outwardness
 __all__ = [
     "FACES_AT_ONCE",
     "Components",
+    "Edges",
     "Mesh",
     "count_non_manifold_vertices",
     "edge_ends",

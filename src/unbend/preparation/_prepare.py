@@ -13,6 +13,7 @@ from unbend.errors import InputError, MeshError
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import (
     Components,
+    Edges,
     Mesh,
     count_non_manifold_vertices,
     find_components,
@@ -93,7 +94,8 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
     if degenerate.all():
         raise _no_area(mesh.name)
     check_size(working)
-    problems = _problems(working, int(degenerate.sum()))
+    edges = find_edges(working.faces, working.n_vertices)
+    problems = _problems(working, edges, int(degenerate.sum()))
     # Repeated faces are more than two at an edge, more than one fan at a vertex, or all there is.
     lone = (components.n_vertices == 3) & (components.n_faces > 1)
     if (problems or lone.any()) and (twice := has_earlier_twin(working.faces)).any():
@@ -101,11 +103,18 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
         notes.append(f"{repeats} left out, for repeating the vertices of another")
         working = Mesh(working.vertices, working.faces[~twice], name=mesh.name, notes=mesh.notes)
         kept_faces, degenerate = kept_faces[~twice], degenerate[~twice]
-        problems = _problems(working, int(degenerate.sum()))
+        edges = find_edges(working.faces, working.n_vertices)
+        problems = _problems(working, edges, int(degenerate.sum()))
     if n_improper := int(has_repeated_index(mesh.faces).sum()):
         notes.append(f"{plural(n_improper, 'face')} left out, for naming a vertex twice")
     if problems:
         notes.append(f"robust Laplacian, because of {' and '.join(problems)}")
+    if n_doubled := count_repeats(working.vertices[np.unique(edges.ends[edges.n_faces == 1])]):
+        verb = "has" if n_doubled == 1 else "have"
+        notes.append(
+            f"{plural(n_doubled, 'boundary vertex')} {verb} the position of another one, so the "
+            "surface is cut open there, as at a seam; merge them if it should be whole"
+        )
     if rounding := describe_rounding(working):
         notes.append(rounding)
     return Prepared(working, kept, kept_faces, mesh.n_vertices, bool(problems), tuple(notes))
@@ -256,8 +265,7 @@ def restrict(mesh: Mesh, keep: BoolArray) -> tuple[Mesh, IntArray, IntArray]:
     return part, kept, kept_faces
 
 
-def _problems(mesh: Mesh, n_degenerate: int) -> list[str]:
-    edges = find_edges(mesh.faces, mesh.n_vertices)
+def _problems(mesh: Mesh, edges: Edges, n_degenerate: int) -> list[str]:
     found = (
         (n_degenerate, "degenerate face"),
         (int((edges.n_faces > 2).sum()), "non-manifold edge"),
