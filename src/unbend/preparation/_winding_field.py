@@ -8,20 +8,27 @@ divergence of the normals, by Fourier transforms; derivatives are central differ
 
 from __future__ import annotations
 
-from itertools import product
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import scipy.fft as fft
 from scipy.ndimage import map_coordinates
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, vstack
 
 from unbend._arrays import unit_vectors
-from unbend._types import FloatArray, IntArray
+from unbend._types import FloatArray
 
 MARGIN = 0.15  # of the grid around the points, in sizes
 _SMOOTHING = (3.0, 0.5)  # standard deviation of the Gaussian in cells, at first and in the end
 _STEPS = 20
 _COARSE = 2  # cells of the grid of the first steps, as long as they are no larger than the Gaussian
+
+
+class _Stencil(NamedTuple):
+    start: FloatArray  # (n, 3) a node near each point
+    steps: tuple[int, ...]  # along an axis from there
+    shares: tuple[FloatArray, ...]  # (n, 3) weight of the node at each step, along each axis
 
 
 class Grid:
@@ -37,26 +44,30 @@ class Grid:
         self.cell = cell
         self.origin = (low + high) / 2 - cell * (np.array(self.shape) - 1) / 2
         place = (points - self.origin) / cell
-        node = np.floor(place).astype(np.int64)
-        corners = np.array(list(product((0, 1), repeat=3)))
-        nodes = np.ravel_multi_index(
-            tuple((node[:, None] + corners).transpose(2, 0, 1)), self.shape
-        )
-        share = (place - node)[:, None]
-        weights = np.where(corners == 1, share, 1 - share).prod(axis=2)
-        beside = np.array([self.shape[1] * self.shape[2], self.shape[2], 1])[:, None, None]
-        nodes_beside = np.concatenate([nodes + beside, nodes - beside], axis=2)
-        changes = np.broadcast_to(np.hstack([weights, -weights]) / 2, nodes_beside.shape)
-        self._interpolate = self._matrix(weights, nodes)
-        self._differentiate = self._matrix(changes, nodes_beside)
+        below, nearest = np.floor(place), np.rint(place)
+        over, off = place - below, place - nearest
+        # Along an axis: linear between two nodes, or the slope of a quadratic through three.
+        linear = _Stencil(below, (0, 1), (1 - over, over))
+        slope = _Stencil(nearest, (-1, 0, 1), (off - 0.5, -2 * off, off + 0.5))
+        self._interpolate = self._matrix([linear] * 3)
+        stencils = [[slope if i == axis else linear for i in range(3)] for axis in range(3)]
+        self._differentiate = vstack([self._matrix(one) for one in stencils], format="csr")
         x, y, z = self.shape
         waves = np.ix_(fft.fftfreq(x), fft.fftfreq(y), fft.rfftfreq(z))
         self._squared = (2 * np.pi) ** 2 * np.asarray(sum(wave**2 for wave in waves))
 
-    def _matrix(self, weights: FloatArray, nodes: IntArray) -> csr_array:
-        """Make a sparse matrix with rows of weights of nodes."""
-        starts = np.arange(0, nodes.size + 1, nodes.shape[-1])
-        shape = len(starts) - 1, int(np.prod(self.shape))
+    def _matrix(self, stencils: Sequence[_Stencil]) -> csr_array:
+        """Make the sparse matrix of a product of stencils, one along each axis."""
+        nodes, weights = np.zeros((1, 1), dtype=np.int64), np.ones((1, 1))
+        for axis, (start, steps, shares) in enumerate(stencils):
+            along = start[:, axis, None].astype(np.int64) + steps
+            share = np.stack([one[:, axis] for one in shares], axis=1)
+            nodes = nodes[:, :, None] * self.shape[axis] + along[:, None]
+            weights = weights[:, :, None] * share[:, None]
+            nodes = nodes.reshape(len(along), -1)
+            weights = weights.reshape(len(along), -1)
+        starts = np.arange(0, nodes.size + 1, nodes.shape[1])
+        shape = len(nodes), int(np.prod(self.shape))
         return csr_array((weights.ravel(), nodes.ravel(), starts), shape)
 
     def values(self, field: FloatArray) -> FloatArray:
