@@ -106,14 +106,13 @@ def test_what_was_done_is_done_again_where_its_worker_dies_before_it_is_fetched(
     only_once = f"{made}, 'a').tell() and {DEATH} or {made}, 'a').write('x')"
     alive = {"1 + 1", only_once}
 
-    def arrived(*arguments: Any, of: Any = _engine._arrived) -> list[Any]:
-        found = of(*arguments)
-        if found and item in alive:
+    def fetched(*arguments: Any, of: Any = _engine._outcomes) -> list[_engine.Outcome]:
+        if item in alive:
             alive.remove(item)
             run.args[0]().run(os._exit, 1, on_error="ignore")  # in every worker of its client
-        return found
+        return of(*arguments)
 
-    monkeypatch.setattr(_engine, "_arrived", arrived)
+    monkeypatch.setattr(_engine, "_outcomes", fetched)
     taken = []
 
     def endless() -> Iterator[str]:

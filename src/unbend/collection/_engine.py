@@ -173,8 +173,12 @@ def _stream(
                 pending[future] = lot
                 future.add_done_callback(finished.put)
         results: list[Outcome] = []
-        for future in _arrived(finished, 0 if passing or not pending else _HEARTBEAT_SECONDS):
-            results += _outcomes(future, pending.pop(future), suspects)
+        patience = 0 if passing or not pending else _HEARTBEAT_SECONDS
+        with suppress(queue.Empty):
+            while True:
+                future = finished.get(timeout=patience)
+                results += _outcomes(future, pending.pop(future), suspects)
+                patience = 0
         yield results
         if not alone and time.monotonic() - planned > 10 * _HEARTBEAT_SECONDS:
             (room, size), planned = _plan(client), time.monotonic()  # workers come and go
@@ -207,16 +211,6 @@ def _outcomes(future: Any, lot: list[Any], suspects: list[Any]) -> list[Outcome]
         ) from None
     except Exception as error:
         return [Outcome(item, None, f"{type(error).__name__}: {error}") for item in lot]
-
-
-def _arrived(finished: queue.SimpleQueue[Any], patience: float) -> list[Any]:
-    """All that is in a queue, after waiting a while for the first."""
-    found = []
-    with suppress(queue.Empty):
-        found.append(finished.get(timeout=patience))
-        while True:
-            found.append(finished.get_nowait())
-    return found
 
 
 def _plan(client: Any) -> tuple[int, int]:
