@@ -73,7 +73,7 @@ def similarity(
         forms.append(make_form(shape, n_components=n_components, **kind))
     pairs: list[tuple[str, str, float, float | None]] = []
     square = [[1.0] * len(paths) for _ in paths]
-    doubts: list[list[str]] = [[] for _ in paths]
+    noted = list(shapes)
     for i, j in itertools.combinations(range(len(paths)), 2):
         if i and not matrix:
             break
@@ -93,13 +93,10 @@ def similarity(
             confidence = given["match"].confidence
             if matrix and is_doubtful(confidence):  # a matrix has values alone
                 told = f"doubtful match to {shapes[j].name}, confidence {confidence:.2f}"
-                doubts[i].append(told)
+                noted[i] = replace(noted[i], notes=(*noted[i].notes, told))
         value = unbend.similarity(forms[i], forms[j], **given)
         square[i][j] = square[j][i] = value
         pairs.append((paths[i], paths[j], value, confidence))
-    for i, some in enumerate(doubts):
-        if some:
-            shapes[i] = replace(shapes[i], notes=(*shapes[i].notes, *some))
     # With --matrix these pairs are not all, and are not shown.
     ranked = sorted(zip(shapes[1:], pairs, strict=False), key=lambda one: -round(one[1][2], 9))
     if csv is not None:
@@ -114,7 +111,7 @@ def similarity(
         unbend.report.draw_similarities([Path(path).stem for path in paths], square, figure)
     looks: Any = {"up": up, "command": output.command_line(), "progress": output.progress}
     if report is not None and matrix:
-        unbend.report.similarity_page(shapes, square, report, **looks)
+        unbend.report.similarity_page(noted, square, report, **looks)
     elif report is not None:
         alike = []
         for shape, (_, _, _, confidence) in ranked:
@@ -130,7 +127,7 @@ def similarity(
     output.tell(
         {"pairs": [dict(zip(names, one, strict=True)) for one in pairs]},
         output.matrix(paths, square) if matrix else output.table("<>>", *lines),
-        shapes=shapes,
+        shapes=noted,
         written=[csv, figure],
         report=report,
     )

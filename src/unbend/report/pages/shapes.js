@@ -60,13 +60,9 @@ start(async (data) => {
   }
   // The one that is most like another.
   function nearest(i) {
-    let best = i ? 0 : 1;
-    for (let j = 0; j < n; j++) {
-      if (j === i || valueOf(i, j) < 0) continue;
-      const closer = measure === "similarity" ? valueOf(i, j) > valueOf(i, best) : valueOf(i, j) < valueOf(i, best);
-      if (closer || valueOf(i, best) < 0) best = j;
-    }
-    return best;
+    const sign = measure === "similarity" ? 1 : -1;
+    const likeness = (j) => (j === i || valueOf(i, j) < 0 ? -Infinity : sign * valueOf(i, j));
+    return [...shapes.keys()].reduce((best, j) => (likeness(j) > likeness(best) ? j : best), i ? 0 : 1);
   }
   function bringIntoView() {
     document.querySelector(".views").scrollIntoView({ block: "nearest" });
