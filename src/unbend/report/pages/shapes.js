@@ -80,20 +80,16 @@ start(async (data) => {
   }));
   listenToControls(views);
 
-  let heat = null;
-  if (data.table) {
-    heat = new HeatMap(part("heat"), data, pictures, (i, j, clicked) => {
-      if (i < 0) tell(...chosen);
-      else if (clicked) {
-        open(i, j);
-        bringIntoView();
-      } else tell(i, j);
-    });
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => heat.draw());
-  }
+  const drawHeat = data.table && showHeatMap(part("heat"), data, pictures, (i, j, clicked) => {
+    if (i < 0) tell(...chosen);
+    else if (clicked) {
+      open(i, j);
+      bringIntoView();
+    } else tell(i, j);
+  });
   part("up").addEventListener("change", () => {
     drawPictures();
-    if (heat) heat.draw();
+    drawHeat?.();
   });
   const seen = data.table ? data.order.find((i) => shapes[i].drawn) ?? data.order[0] : 0;
   open(seen, data.table ? nearest(seen) : 1);
