@@ -40,7 +40,7 @@ def found(*given: str) -> list[str]:
 def test_folders_are_searched_for_surfaces(folder: Path) -> None:
     assert found(".") == ["a.OBJ", "b.ply", "g.vtk", "deep/d.off", "deep/er/c.stl"]
     assert found("deep/er", "b.ply") == ["deep/er/c.stl", "b.ply"]
-    assert all(os.path.isabs(path) for path in find_files(["."]))
+    assert list(find_files(["deep/er"])) == [os.path.join("deep/er", "c.stl")]
 
 
 def test_patterns_match_whatever_they_say(folder: Path) -> None:
@@ -109,7 +109,7 @@ def test_hashes_are_of_the_bytes(folder: Path) -> None:
 def test_a_name_that_is_no_text_is_refused(folder: Path) -> None:
     Path(os.fsdecode(b"caf\xe9.ply")).touch()
     ((_, failures),) = hashed(find_files(["."]))
-    assert failures == [Failure(f"{folder}/caf?.ply", "its name is no text in UTF-8; rename it")]
+    assert failures == [Failure("./caf?.ply", "its name is no text in UTF-8; rename it")]
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")

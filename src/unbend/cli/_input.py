@@ -49,15 +49,8 @@ def make_form(mesh: unbend.Mesh, **options: Any) -> unbend.canonical.CanonicalFo
 def expand_folders(paths: Sequence[str]) -> list[str]:
     """Replace folders by the meshes in and below them, and patterns by what matches, in order."""
     unbend.collection.warn_of_others(paths)
-    found: list[str] = []
-    for one in paths:
-        for path in sorted(unbend.collection.matches(one)):
-            if os.path.isdir(path):
-                inside = unbend.collection.find_files([path])
-                found += [os.path.join(path, os.path.relpath(mesh, path)) for mesh in inside]
-            else:
-                found.append(path)
-    return found
+    named = [path for one in paths for path in sorted(unbend.collection.matches(one))]
+    return list(unbend.collection.find_files(named))
 
 
 def is_batch(

@@ -64,7 +64,7 @@ class _Adding:
 
     def fresh(self, given: Sequence[str]) -> Iterator[File | None]:
         """Files with new content, and None after each batch."""
-        for files, failures in hashed(find_files(given)):
+        for files, failures in hashed(map(os.path.abspath, find_files(given))):
             self.failures += failures
             known = self._update(files)
             for file in files:

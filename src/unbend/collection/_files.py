@@ -34,7 +34,7 @@ File = tuple[str, str]  # path and hash
 
 
 def find_files(given: Sequence[str]) -> Iterator[str]:
-    """Absolute paths of files, of the meshes in and below folders, and of files matching patterns.
+    """Paths of files, of the meshes in and below folders, and of files matching patterns.
 
     Hidden files are left out of folders, and so is what registration wrote, unless a given folder
     has nothing else. A name that is none of these comes back, too. Raises FileError if a folder
@@ -43,9 +43,9 @@ def find_files(given: Sequence[str]) -> Iterator[str]:
     for one in given:
         for match in matches(one):
             if not os.path.isdir(match):
-                yield os.path.abspath(match)
+                yield match
                 continue
-            inside = _walk(os.path.abspath(match))
+            inside = _walk(match)
             first = list(itertools.islice(inside, 1))
             if match == one and not first:
                 known = f"{', '.join(_SUFFIXES[:-1])} or {_SUFFIXES[-1]}"

@@ -105,7 +105,7 @@ def register_files(
     written = {"template", *registered_stems(folder)}  # at first too: later runs tell the same
     scans = (
         path
-        for path in find_files(paths)
+        for path in map(os.path.abspath, find_files(paths))
         if Path(path).parent != folder or Path(path).stem not in written
     )
     files: dict[str, dict[str, None]] = {}  # paths, each once, by hash
