@@ -205,7 +205,7 @@ def test_many_meshes_get_a_folder_of_forms_and_a_bad_one_is_listed(blob, tmp_pat
         ("a.off c.off -o form.vtp", "2 meshes need a folder to write to, and form.vtp is a file"),
         ("a.off c.off -o .", "./a.off is one of the inputs; give another place"),
         ("a.off c.off --report page.html", "is for one mesh and no folder; leave it out\n"),
-        ("empty", "empty: it is a folder without .off, .obj, .ply, .stl or .vtk files"),
+        ("empty", "empty: it is a folder without .off, .obj, .ply, .stl, .vtk or .vtp files"),
     ],
 )
 def test_what_makes_no_sense_for_many_is_refused(blob, tmp_path, monkeypatch, arguments, message):
