@@ -264,7 +264,9 @@ def test_a_form_off_the_middle_is_an_error_with_the_figure(blob, monkeypatch, sh
         return points + np.append(shift, 0), *rest
 
     monkeypatch.setattr(_canonical_form, "_exact", shifted)
-    with pytest.raises(SolverError, match=f"eigenvalues. lengths, by {1e-5 * (642 / largest) ** 0.5:.1e} of"):
+    with pytest.raises(
+        SolverError, match=f"eigenvalues. lengths, by {1e-5 * (642 / largest) ** 0.5:.1e} of"
+    ):
         canonical_form(blob)
 
 

@@ -112,8 +112,12 @@ def read(data: bytes) -> Contents:
         n, found = len(places), file.arrays(piece, "Cells" if is_grid else "Polys")
         none = np.empty((0, 1), dtype=np.int64)
         rows = [found.get(name, none).ravel() for name in ("connectivity", "offsets", "types")]
-        if places.shape[1] != 3 or any(one.dtype.kind == "f" for one in rows):
-            raise FileError("damaged: its points are not of three numbers, or its cells not whole")
+        promised = count(piece.get("NumberOfPoints", ""), "points")
+        if places.shape != (promised, 3) or any(one.dtype.kind == "f" for one in rows):
+            raise FileError(
+                f"damaged: a piece has not {plural(promised, 'point')} of three numbers, or cells "
+                "that are no whole numbers"
+            )
         corners, ends, types = (one.astype(np.int64) for one in rows)
         sizes = np.diff(ends, prepend=0)
         if ((sizes < 0) | (sizes > len(corners))).any() or sizes.sum() != len(corners):
@@ -126,8 +130,10 @@ def read(data: bytes) -> Contents:
             )
         with np.errstate(invalid="ignore"):  # a signalling NaN, which Mesh refuses
             vertices.append(places.astype(np.float64))
-        told = file.arrays(piece, "PointData").items()
-        values.append({(name, one.shape[1]): one for name, one in told if len(one) == n})
+        told = file.arrays(piece, "PointData")
+        if lacking := [name for name, one in told.items() if len(one) != n]:
+            raise FileError(f"damaged: {lacking[0]} does not have a row for each point")
+        values.append({(name, one.shape[1]): one for name, one in told.items()})
         cells.append((sizes, corners + at, types))
         at += n
     if not cells:
