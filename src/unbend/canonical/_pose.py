@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from unbend._text import plural
-from unbend._types import FloatArray, IntArray, Progress
+from unbend._types import FloatArray, Progress
 from unbend.canonical._canonical_form import CanonicalForm
 from unbend.errors import InputError, heard
 from unbend.io import MeshLike, as_mesh
@@ -78,8 +78,10 @@ def lay_into_pose(
     oriented = orient_consistently(vertices, faces)
     rest = vertices - areas @ vertices
     goal = form_points - areas @ form_points
-    if oriented is not None and _volume(rest, oriented) * _volume(goal, oriented) < 0:
-        goal = goal * np.array([-1.0, 1.0, 1.0])
+    if oriented is not None:
+        volumes = [np.linalg.det(points[oriented]).sum() for points in (rest, goal)]
+        if volumes[0] * volumes[1] < 0:
+            goal = goal * np.array([-1.0, 1.0, 1.0])
     elastic, mass = ElasticSurface(rest, faces, areas), areas[:, None]
     rotations = elastic.fit_rotations(goal, length=_PATCH)
     places = goal * np.sqrt((mass * rest**2).sum() / (mass * goal**2).sum())
@@ -105,8 +107,3 @@ def check_form(mesh: Mesh, form: CanonicalForm) -> None:
             f"the form has {plural(len(form.points), 'point')}, but {mesh.name} has "
             f"{plural(mesh.n_vertices, 'vertex')}"
         )
-
-
-def _volume(points: FloatArray, faces: IntArray) -> float:
-    a, b, c = (points[faces[:, i]] for i in range(3))
-    return float(np.einsum("ij,ij->", a, np.cross(b, c)))

@@ -141,23 +141,17 @@ def move_skin(bones: Sequence[Bone], points: FloatArray, pose: Pose) -> FloatArr
         motions[bone.name] = turned, turn @ head + shift - turned @ head
     turns, shifts = (np.stack([motions[bone.name][i] for bone in bones]) for i in range(2))
     weights = skin_weights(bones, points)
-    real = Rotation.from_matrix(turns).as_quat()[:, [3, 0, 1, 2]]
-    dual = 0.5 * _multiply(np.column_stack([np.zeros(len(bones)), shifts]), real)
+    real = Rotation.from_matrix(turns).as_quat()  # scalar last
+    u, a = np.split(real, [3], axis=1)
+    dual = np.hstack([a * shifts + np.cross(shifts, u), -(shifts * u).sum(axis=1, keepdims=True)])
     leader = real[weights.argmax(axis=1)]
     signed = weights * np.where(leader @ real.T < 0, -1.0, 1.0)
     q, d = signed @ real, signed @ dual
     norm = np.linalg.norm(q, axis=1, keepdims=True)
-    q, d = q / norm, d / norm
-    shifts = 2 * _multiply(d, q * [1, -1, -1, -1])[:, 1:]
-    return np.asarray(Rotation.from_quat(q[:, [1, 2, 3, 0]]).apply(np.array(points)) + shifts)
-
-
-def _multiply(p: FloatArray, q: FloatArray) -> FloatArray:
-    """Products of quaternions, scalar first."""
-    a, u = p[:, :1], p[:, 1:]
-    b, v = q[:, :1], q[:, 1:]
-    scalar = a * b - np.einsum("ni,ni->n", u, v)[:, None]
-    return np.concatenate([scalar, a * v + b * u + np.cross(u, v)], axis=1)
+    (u, a), (v, b) = (np.split(one / norm, [3], axis=1) for one in (q, d))
+    return np.asarray(
+        Rotation.from_quat(q).apply(np.array(points)) + a * v - b * u + np.cross(u, v)
+    )
 
 
 def restore_lengths(rest: FloatArray, posed: FloatArray, faces: IntArray) -> FloatArray:
@@ -218,14 +212,7 @@ def _go_along(now: Sequence[Bone], after: Sequence[Bone], points: FloatArray) ->
         offset = points[near] - head - along * axis
         radius = old.head_radius + along * (old.tail_radius - old.head_radius)
         new_radius = new.head_radius + along * (new.tail_radius - new.head_radius)
-        turn = _shortest_turn(axis / length, new_axis / np.linalg.norm(new_axis))
+        turn = Rotation.align_vectors(new_axis, axis)[0].as_matrix()  # the shortest one
         place = np.array(new.head) + along * new_axis + new_radius / radius * (offset @ turn.T)
         moved[near] += weights[near, b, None] * place
     return moved
-
-
-def _shortest_turn(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Turn one unit vector into another, less than half a turn away, the shortest way."""
-    v = np.cross(a, b)
-    cross = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
-    return np.asarray(np.eye(3) + cross + cross @ cross / (1 + a @ b))
