@@ -152,21 +152,11 @@ def scatter(
     are (n, p, d), and weights (n, p).
     """
     m, p = len(rows), int(np.prod(rows.shape[1:]))
-    found = np.zeros((n, p, values.shape[1] + 1))
-    _scatter(rows.reshape(m, p), weights.reshape(m, p), values, found)
-    found = found.reshape(n, *rows.shape[1:], -1)
+    owners = (rows.reshape(m, p) * p + np.arange(p)).ravel()
+    shares = (weights.reshape(m, p) * one[:, None] for one in (*values.T, np.ones(m)))
+    sums = [np.bincount(owners, one.ravel(), n * p) for one in shares]
+    found = np.asarray(sums, dtype=np.float64).T.reshape(n, *rows.shape[1:], -1)
     return found[..., :-1], found[..., -1]
-
-
-@compiled
-def _scatter(rows, weights, values, found):  # type: ignore[no-untyped-def]
-    d = values.shape[1]
-    for i in range(rows.shape[0]):
-        for p in range(rows.shape[1]):
-            place, weight = found[rows[i, p], p], weights[i, p]
-            for c in range(d):
-                place[c] += weight * values[i, c]
-            place[d] += weight
 
 
 def turn_rotations(covariances: FloatArray, rotations: FloatArray) -> None:
