@@ -98,18 +98,14 @@ def fetch_files(registry: Mapping[str, str], folder: Path, base_url: str, terms:
     source = base_url.rstrip("/") + "/"
     name = ""
     try:
-        missing = [
-            name
-            for name, digest in registry.items()
-            if not (folder / name).is_file() or pooch.file_hash(str(folder / name)) != digest
-        ]
+        missing = [name for name in registry if not (folder / name).is_file()]
         if missing:
             print(
                 f"{terms}\nDownloading {plural(len(missing), 'file')} to {folder}", file=sys.stderr
             )
         client = pooch.create(folder, source, registry=dict(registry))
-        for name in missing:
-            client.fetch(name)
+        for name in registry:
+            client.fetch(name)  # if it is missing or has another SHA-256
     except OSError as error:  # no network, no such page, no room, no permission
         raise FileError(
             f"cannot download {source}{name} to {folder}: {error}; what has arrived is kept, so "
