@@ -145,7 +145,20 @@ def contents_of(
     values: dict[str, npt.NDArray[Any]],
 ) -> Contents:
     """Take the polygons among cells, which are of types if they are a grid's, and split them."""
-    (sizes, corners), left = _polygons(sizes, corners, types)
+    left = []
+    if types is not None:
+        if len(types) != len(sizes):
+            raise FileError(f"has {len(sizes)} cells, but {len(types)} types of cells")
+        if (types == _STRIP).any():
+            raise FileError(STRIPS)
+        ours = np.isin(types, _POLYGONS)
+        n_others = int((~ours & ~np.isin(types, _POINTS_AND_LINES)).sum())
+        if n_others and not ours.any():
+            raise FileError(f"holds {plural(n_others, 'cell')}, but no polygons: save its surface")
+        if n_others:
+            are = "is no polygon" if n_others == 1 else "are no polygons"
+            left.append(f"{plural(n_others, 'cell')} left out that {are}")
+        sizes, corners = sizes[ours], corners[np.repeat(ours, sizes)]
     faces, notes = triangulate(sizes, corners, vertices)
     per_point = {
         name: array[:, 0] if array.shape[1] == 1 else array
@@ -153,22 +166,3 @@ def contents_of(
         if len(array) == len(vertices)
     }
     return Contents(vertices, faces, tuple(notes + left), lambda: per_point)
-
-
-def _polygons(
-    sizes: IntArray, corners: IntArray, types: npt.NDArray[Any] | None
-) -> tuple[tuple[IntArray, IntArray], list[str]]:
-    """Keep the polygons among the cells of a grid, and say what is left out."""
-    if types is None:
-        return (sizes, corners), []
-    if len(types) != len(sizes):
-        raise FileError(f"has {len(sizes)} cells, but {len(types)} types of cells")
-    if (types == _STRIP).any():
-        raise FileError(STRIPS)
-    ours = np.isin(types, _POLYGONS)
-    n_others = int((~ours & ~np.isin(types, _POINTS_AND_LINES)).sum())
-    if n_others and not ours.any():
-        raise FileError(f"holds {plural(n_others, 'cell')}, but no polygons: save its surface")
-    are = "is no polygon" if n_others == 1 else "are no polygons"
-    left = [f"{plural(n_others, 'cell')} left out that {are}"] if n_others else []
-    return (sizes[ours], corners[np.repeat(ours, sizes)]), left
