@@ -132,15 +132,11 @@ def spectrum(
 
 
 def eigenpairs(surface: Surface, k: int, *, tolerance: float = _RESIDUAL) -> Spectrum:
-    """Lowest `k` eigenpairs of a surface at unit area, for its vertices in use; see `spectrum`."""
+    """Lowest `k` eigenpairs of a surface at unit area, for its vertices in use; see `spectrum`.
+
+    They are the same whatever the cache holds: one of a few numbers is computed.
+    """
     check_whole(k, f"{surface.mesh.name}: the number of eigenpairs", 1, surface.n_vertices)
-    values, functions = _at_least(surface, k, tolerance)
-    functions = np.ascontiguousarray(functions[:, :k])
-    return Spectrum(values[:k], functions, surface.operator.areas, surface.operator.kind)
-
-
-def _at_least(surface: Surface, k: int, tolerance: float) -> tuple[FloatArray, FloatArray]:
-    """Eigenpairs that are the same whatever the cache holds: one of a few numbers is computed."""
     operator, wanted = surface.operator, k
     while True:
         # One more at least: the last one shows whether those before it are whole eigenspaces.
@@ -153,8 +149,10 @@ def _at_least(surface: Surface, k: int, tolerance: float) -> tuple[FloatArray, F
             with named(surface):
                 found = whole_eigenpairs(operator, count, tolerance)
             store_eigenpairs(key, *found)
-        if len(found[0]) >= k:
-            return found
+        values, functions = found
+        if len(values) >= k:
+            first = np.ascontiguousarray(functions[:, :k])
+            return Spectrum(values[:k], first, operator.areas, operator.kind)
         wanted = count * 3 // 2
 
 
