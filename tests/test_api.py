@@ -166,7 +166,7 @@ def test_every_public_name_can_be_had_from_a_core_install():
         (lambda out: unbend.write_mesh(out, BALL, scalars={"a": ["x"] * N}), "scalars 'a': needs"),
         (lambda out: unbend.write_mesh(out, BALL, uvs="x"), "uvs: needs real numbers"),
         (lambda out: unbend.write_mesh(out, BALL, colors=RAGGED), "colors: rows have different"),
-        (lambda out: write_values(out, EVERY, BALL, kind="auto"), "kind must be scalar"),
+        (lambda out: write_values(out, EVERY, BALL, kind="auto"), "kind must be one of scalar"),
         (lambda out: write_values(out, RAGGED, BALL), "values: rows have different"),
         (lambda out: write_values(out.with_suffix(".csv"), [None] * N, BALL), "of type object"),
         (lambda out: write_values(out.with_suffix(".csv"), EVERY * 1j, BALL), "type complex128"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, TypeGuard
 
 import numpy as np
@@ -27,6 +28,13 @@ def check_whole(number: Any, name: str, least: int = 0, most: int | None = None)
     if not is_whole(number) or number < least or (most is not None and number > most):
         bounds = f"of at least {least}" if most is None else f"from {least} to {most}"
         raise InputError(f"{name} must be a whole number {bounds}, not {number!r}")
+
+
+def check_choice(given: Any, name: str, choices: Iterable[str]) -> None:
+    """Raise InputError, which lists the choices, unless it is one of them."""
+    known = list(choices)  # of which a list is none, and no error
+    if given not in known:
+        raise InputError(f"{name} must be one of {', '.join(known)}, not {given!r}")
 
 
 def is_number(number: Any) -> TypeGuard[float]:

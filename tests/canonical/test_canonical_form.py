@@ -199,7 +199,7 @@ def test_point_cloud_form_is_close_to_the_surface_s(blob):
         ),
         ({"distance": "geodesic"}, "no exact form; use sampled_canonical_form$"),
         ({"weighting": "none"}, "weighting must be"),
-        ({"distance": "euclid"}, "there is no distance 'euclid'"),
+        ({"distance": "euclid"}, "distance must be one of .* not 'euclid'"),
         ({"interpolation": "x", "method": "sampled"}, "interpolation must be"),
         ({"mu": -1, "method": "sampled"}, "mu must be positive"),
         ({"time": 0.0, "distance": "diffusion"}, "time must be positive"),

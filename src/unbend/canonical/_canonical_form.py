@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from time import perf_counter
-from typing import NamedTuple
+from typing import NamedTuple, get_args
 
 import numpy as np
 
-from unbend._arrays import check_whole
+from unbend._arrays import check_choice, check_whole
 from unbend._display import Brief, table
 from unbend._memory import check_memory
 from unbend._parallel import one_blas_thread
@@ -287,8 +287,7 @@ def _form(
 ) -> CanonicalForm:
     method, d = options.method, options.n_components
     check_whole(options.random_state, "random_state")
-    if options.weighting not in ("uniform", "area"):
-        raise InputError(f'weighting must be "uniform" or "area", not {options.weighting!r}')
+    check_choice(options.weighting, "weighting", get_args(Weighting))
     steps = _Steps(progress)
     with steps("laplacian"):
         surface = make_surface(mesh, laplacian=laplacian, component=component)

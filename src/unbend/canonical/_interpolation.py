@@ -8,13 +8,14 @@ the rows of Phi at the samples, S = Phi_P^T Phi_P. The equations are those of Ya
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import numpy.typing as npt
 import scipy.linalg
 from scipy.sparse.linalg import LinearOperator, cg
 
-from unbend._arrays import is_number, numbers_of
+from unbend._arrays import check_choice, is_number, numbers_of
 from unbend._types import FloatArray, IntArray
 from unbend.choices import Interpolation
 from unbend.errors import InputError, SolverError
@@ -126,15 +127,12 @@ def distance_coefficients(
     ``Lambda alpha + alpha Lambda + mu S alpha S = mu Phi_P^T D Phi_P``. The spectrum is at unit
     area.
     """
+    check_choice(interpolation, "interpolation", get_args(Interpolation))
     if interpolation == "projection":
         operator = interpolation_operator(spectrum, samples, mu)
         coefficients: FloatArray = operator @ squared @ operator.T
-    elif interpolation == "least-squares":
-        coefficients = _least_squares(squared, samples, spectrum, mu)
     else:
-        raise InputError(
-            f'interpolation must be "projection" or "least-squares", not {interpolation!r}'
-        )
+        coefficients = _least_squares(squared, samples, spectrum, mu)
     return (coefficients + coefficients.T) / 2
 
 

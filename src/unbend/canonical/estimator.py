@@ -5,10 +5,11 @@ from __future__ import annotations
 from inspect import signature
 from typing import Any, Literal
 
+from unbend._arrays import check_choice
 from unbend._types import FloatArray, Progress
 from unbend.canonical._canonical_form import canonical_form, sampled_canonical_form
 from unbend.choices import DistanceKind, Interpolation, LaplacianKind, Weighting
-from unbend.errors import InputError, MissingExtraError
+from unbend.errors import MissingExtraError
 
 try:
     from sklearn.base import BaseEstimator
@@ -90,8 +91,7 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
 
     def fit(self, X: Any, y: Any = None) -> SpectralMDS:
         """Compute the canonical form of one mesh-like X; `y` is ignored. Returns the estimator."""
-        if self.method not in ("exact", "sampled"):
-            raise InputError(f'method must be "exact" or "sampled", not {self.method!r}')
+        check_choice(self.method, "method", ("exact", "sampled"))
         make = canonical_form if self.method == "exact" else sampled_canonical_form
         known = signature(make).parameters
         options = self.get_params(deep=False).items()

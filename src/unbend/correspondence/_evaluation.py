@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from unbend._arrays import check_choice
 from unbend._display import Brief, table
 from unbend._text import plural
 from unbend._types import BoolArray, FloatArray, IntArray, Progress
@@ -83,10 +84,7 @@ class Evaluation(Brief):
             If there is no such protocol, or it needs a mirrored ground truth.
         """
         known = {"direct": self.direct, "map-min": self.map_min, "vertex-min": self.vertex_min}
-        if protocol not in list(known):
-            raise InputError(
-                f"protocol must be 'direct', 'map-min' or 'vertex-min', not {protocol!r}"
-            )
+        check_choice(protocol, "protocol", known)
         found = known[protocol]
         if found is None:
             raise InputError(f"protocol {protocol!r} needs the mirrored ground truth")
@@ -181,8 +179,7 @@ def evaluate(
     >>> evaluate(every, ball, every, every).mean()
     0.0
     """
-    if distance not in GEODESIC:
-        raise InputError(f"distance must be one of {', '.join(GEODESIC)}, not {distance!r}")
+    check_choice(distance, "distance", GEODESIC)
     target = as_mesh(target)
     if target.is_point_cloud:
         raise MeshError(f"{target.name}: errors are measured along faces; this is a point cloud")

@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import check_whole, numbers_of
+from unbend._arrays import check_choice, check_whole, numbers_of
 from unbend._types import FloatArray, IntArray
 from unbend.canonical import CanonicalForm, canonical_form, sampled_canonical_form
 from unbend.choices import DistanceKind, Weighting
@@ -86,8 +86,7 @@ def similarity(
     >>> round(similarity(ball, (-5 * ball.vertices, ball.faces)), 6)
     1.0
     """
-    if weighting not in ("auto", "uniform", "area"):
-        raise InputError(f'weighting must be "auto", "uniform" or "area", not {weighting!r}')
+    check_choice(weighting, "weighting", ("auto", "uniform", "area"))
     check_whole(n_components, "n_components", 1)
     if weighting == "uniform" and areas is not None:
         raise InputError('areas have no use with weighting="uniform"')

@@ -8,7 +8,7 @@ from typing import Any, cast, get_args
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import first_largest, values_of
+from unbend._arrays import check_choice, first_largest, values_of
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray
 from unbend.choices import ValueKind
@@ -212,8 +212,7 @@ def value_kind(array: npt.NDArray[Any], kind: str = "auto", names: Sequence[str]
 
     ``names`` are those of columns that :func:`unbend.io.read_named_values` gives.
     """
-    if kind not in get_args(ValueKind):
-        raise InputError(f"kind must be one of {', '.join(get_args(ValueKind))}, not {kind!r}")
+    check_choice(kind, "kind", get_args(ValueKind))
     if kind != "auto":
         return cast(ValueKind, kind)
     if list(names) == ["uv_0", "uv_1"]:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from unbend._arrays import check_whole, is_number, nearest_rows
+from unbend._arrays import check_choice, check_whole, is_number, nearest_rows
 from unbend._display import Brief
 from unbend._types import FloatArray, IntArray
 from unbend.datasets._skeleton import Bone, Pose, carry, cones_of, move_skin, restore_lengths
@@ -132,19 +132,13 @@ def make_shape(
 
 def _sizes(maker: Maker, species: str, given: Mapping[str, float]) -> dict[str, float]:
     """Combine the default, the species' and the caller's proportions, and check their names."""
-    _check_known(species, maker.species, "species", "species")
+    check_choice(species, "species", maker.species)
     for key, value in given.items():
-        _check_known(key, maker.defaults, "proportion", "proportions")
+        check_choice(key, "a proportion", maker.defaults)
         low, high = (-180, 180) if key == "tail_lift" else (0, 10)
         if not (is_number(value) and low < value <= high):
             raise InputError(f"{key} must be above {low} and at most {high}, not {value!r}")
     return {**maker.defaults, **maker.species[species], **given}
-
-
-def _check_known(name: object, known: Iterable[str], one: str, several: str) -> None:
-    names = list(known)  # of which a list is none, and no error
-    if name not in names:
-        raise InputError(f"there is no {one} {name!r}; the {several} are {', '.join(names)}")
 
 
 def _angles(poses: Mapping[str, Pose], pose: str | Pose | None, random_state: int | None) -> Pose:
@@ -152,7 +146,7 @@ def _angles(poses: Mapping[str, Pose], pose: str | Pose | None, random_state: in
     if isinstance(pose, Mapping):
         return pose
     if pose is not None:
-        _check_known(pose, poses, "pose", "poses")
+        check_choice(pose, "pose", poses)
         return poses[pose]
     rng = np.random.default_rng(random_state)
     names = list(poses)

@@ -7,7 +7,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from unbend._arrays import is_number
+from unbend._arrays import check_choice, is_number
 from unbend._types import FloatArray, IntArray
 from unbend.choices import DIFFUSION_TIME, DistanceKind, GeodesicKind, LaplacianKind
 from unbend.distances._geodesic import solver_of_component
@@ -52,9 +52,7 @@ def diffusion_time(kind: str, time: float | None, **spectral: bool) -> float:
     Refuses a name that is no distance, a time that is not used or not positive, and, for geodesic
     distances, options that only spectral ones can use: `spectral` says which of them were given.
     """
-    names = get_args(DistanceKind)
-    if kind not in names:
-        raise InputError(f"there is no distance {kind!r}; choose one of {', '.join(names)}")
+    check_choice(kind, "distance", get_args(DistanceKind))
     if kind != "diffusion" and time is not None:
         raise InputError(f"time is for diffusion distances, not {kind} ones; leave it out")
     for name, given in spectral.items():

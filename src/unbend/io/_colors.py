@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import array_of, numbers_of
+from unbend._arrays import array_of, check_choice, numbers_of
 from unbend.errors import InputError
 
 # Viridis of matplotlib, at every sixteenth.
@@ -38,8 +38,7 @@ def value_colors(
     largest. Grey stands for numbers that are not finite, and for the labels -1, NaN and "". Raises
     InputError for another `kind`, and for several numbers of each vertex.
     """
-    if kind not in ("scalar", "label", "weights"):
-        raise InputError(f'kind must be "scalar", "label" or "weights", not {kind!r}')
+    check_choice(kind, "kind", ("scalar", "label", "weights"))
     array = array_of(values, "values")
     known = None
     if kind == "weights":

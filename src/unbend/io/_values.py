@@ -11,7 +11,7 @@ from typing import Any, get_args
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import values_of
+from unbend._arrays import check_choice, values_of
 from unbend._text import plural
 from unbend._types import StrPath
 from unbend.choices import ValueKind
@@ -233,8 +233,7 @@ def write_values(
     path = check_writable(path, VALUE_SUFFIXES + COLOR_SUFFIXES)
     suffix = path.suffix.lower()
     mesh = as_mesh(mesh)
-    if kind == "auto" or kind not in get_args(ValueKind):
-        raise InputError(f"kind must be scalar, label, weights, color or uv, not {kind!r}")
+    check_choice(kind, "kind", [one for one in get_args(ValueKind) if one != "auto"])
     array = values_of(values)
     if array.size == 0 or array.ndim == 0 or len(array) != mesh.n_vertices:
         need = plural(mesh.n_vertices, "vertex")

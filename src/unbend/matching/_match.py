@@ -10,7 +10,7 @@ from typing import Any, get_args
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import array_of, check_whole, first_largest, snap
+from unbend._arrays import array_of, check_choice, check_whole, first_largest, snap
 from unbend._parallel import one_blas_thread, run_all
 from unbend._types import BoolArray, FloatArray, IntArray, Progress
 from unbend.choices import Partial
@@ -269,8 +269,7 @@ def symmetry(
 
 def check_partial(partial: str) -> None:
     """Raise InputError if that is no choice of which shapes may be partial."""
-    if partial not in get_args(Partial):
-        raise InputError(f"partial must be one of {', '.join(get_args(Partial))}, not {partial!r}")
+    check_choice(partial, "partial", get_args(Partial))
 
 
 def landmark_pairs(landmarks: npt.ArrayLike, name: str = "landmarks") -> IntArray:

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
+from typing import get_args
 
 import numpy as np
 import scipy.sparse as sp
 
+from unbend._arrays import check_choice
 from unbend._display import Brief
 from unbend._memory import check_robust_memory
 from unbend._parallel import run_all, slices
 from unbend._types import FloatArray, IntArray, SparseMatrix
 from unbend.choices import AreaKind, LaplacianKind
-from unbend.errors import InputError, MeshError, SolverError, warn
+from unbend.errors import MeshError, SolverError, warn
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import FACES_AT_ONCE, Mesh, has_earlier_twin, measure_corners, measure_faces
 from unbend.preparation import Prepared, check_area, check_size, prepare
@@ -118,10 +120,8 @@ def operator_of(
 
     Messages give faces their `numbers` (m,), in the mesh that these are from.
     """
-    if area_kind not in ("voronoi", "barycentric"):
-        raise InputError(f'area_kind must be "voronoi" or "barycentric", not {area_kind!r}')
-    if laplacian not in ("cotangent", "robust"):
-        raise InputError(f'laplacian must be "auto", "cotangent" or "robust", not {laplacian!r}')
+    check_choice(area_kind, "area_kind", get_args(AreaKind))
+    check_choice(laplacian, "laplacian", get_args(LaplacianKind))
     operator = _robust(mesh) if laplacian == "robust" else _cotangent(mesh, numbers, area_kind)
     stiffness, areas = operator.stiffness, operator.areas
     sums = np.abs(stiffness @ np.ones(len(areas)))
