@@ -36,15 +36,6 @@ _SCHEMA = (
     "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/"
     "Resources/Schema/markups-schema-v1.0.3.json#"
 )
-_DAMAGE = (
-    ValueError,
-    LookupError,
-    TypeError,
-    AttributeError,
-    RecursionError,
-    csv.Error,
-    ElementTree.ParseError,
-)
 # Slicer's older files have numbers for their axes.
 _FLIPS = {"LPS": 1, "RAS": -1, "1": 1, "0": -1}
 
@@ -121,9 +112,9 @@ def _read(path: Path, around: _Places) -> tuple[list[str], IntArray, FloatArray]
                 points = {".json": _mrk_json, ".fcsv": _fcsv, ".pp": _pp}[suffix](data)
         except FileError:
             raise
-        except _DAMAGE as e:
+        except Exception as error:  # JSON or XML of another structure raises many kinds
             program = "MeshLab" if suffix == ".pp" else "3D Slicer"
-            raise FileError(f"not a landmark file of {program}, or a damaged one") from e
+            raise FileError(f"not a landmark file of {program}, or a damaged one") from error
         if not points:
             raise FileError("holds no points")
         for i, (label, description, position) in enumerate(points):

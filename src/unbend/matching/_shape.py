@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from unbend._arrays import first_largest, snap, unit_vectors
+from unbend._arrays import first_largest, snap, sum_rows, unit_vectors
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.alignment import OrientedSurface, farthest_points
 from unbend.deformation import ElasticSurface, cached
@@ -63,10 +63,7 @@ class Shape(ElasticSurface):
         start, end, face = self.boundary_edges.T
         normals = unit_vectors(face_normals(places, self.faces[face]))
         off = np.cross(places[end] - places[start], normals)
-        found = np.zeros_like(places)
-        np.add.at(found, start, off)
-        np.add.at(found, end, off)
-        return unit_vectors(found)
+        return unit_vectors(sum_rows(np.append(start, end), np.tile(off, (2, 1)), len(places)))
 
     @cached
     def boundary_edges(self) -> IntArray:

@@ -57,9 +57,8 @@ def decimate(vertices: FloatArray, faces: IntArray, count: int) -> Decimated:
         left -= done
     while (parents[parents] != parents).any():
         parents = parents[parents]
-    is_kept = parents == np.arange(n)
-    number = np.cumsum(is_kept) - 1
-    return Decimated(np.flatnonzero(is_kept), number[faces], number[parents])
+    kept, places = np.unique(parents, return_inverse=True)
+    return Decimated(kept, places[faces], places)
 
 
 def _quadrics(vertices: FloatArray, faces: IntArray, edges: Edges) -> FloatArray:

@@ -221,9 +221,7 @@ def _clip_ears(places: FloatArray) -> IntArray:
 
 def weld(points: FloatArray) -> tuple[IntArray, IntArray]:
     """Index of the first point at each position, and for each point its place among these."""
-    first = first_equal_row(points)
-    is_first = first == np.arange(len(first))
-    return np.flatnonzero(is_first), (np.cumsum(is_first) - 1)[first]
+    return np.unique(first_equal_row(points), return_inverse=True)
 
 
 def table(array: npt.NDArray[Any], prefix: str = "") -> bytes:
