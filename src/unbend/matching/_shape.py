@@ -78,9 +78,7 @@ class Shape(ElasticSurface):
     @cached
     def on_boundary(self) -> BoolArray:
         """Whether a vertex (n,) lies on the boundary of a partial surface."""
-        found = np.zeros(len(self.vertices), dtype=bool)
-        found[self.boundary_edges[:, :2]] = True
-        return found
+        return np.isin(np.arange(len(self.vertices)), self.boundary_edges[:, :2])
 
     @cached
     def boundary_distances(self) -> FloatArray:

@@ -87,9 +87,7 @@ def minimum_cut(gains: FloatArray, links: IntArray, costs: FloatArray, unit: flo
     graph = csr_array((whole, (tail, head)), shape=(n + 2, n + 2))
     left = graph - maximum_flow(graph, source, sink).flow
     left.eliminate_zeros()
-    chosen = np.zeros(n + 2, dtype=bool)
-    chosen[breadth_first_order(left, source, return_predecessors=False)] = True
-    return chosen[:n]
+    return np.isin(nodes, breadth_first_order(left, source, return_predecessors=False))
 
 
 class Components(NamedTuple):

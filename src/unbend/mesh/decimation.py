@@ -37,8 +37,7 @@ def decimate(vertices: FloatArray, faces: IntArray, count: int) -> Decimated:
     n = len(vertices)
     faces = np.array(faces, dtype=np.int64)
     edges = find_edges(faces, n)
-    boundary = np.zeros(n, dtype=bool)
-    boundary[edges.ends[edges.n_faces != 2].ravel()] = True
+    boundary = np.isin(np.arange(n), edges.ends[edges.n_faces != 2])
     quadrics = _quadrics(vertices, faces, edges)
     parents = np.arange(n)
     left = n

@@ -150,9 +150,8 @@ def only_component(mesh: MeshLike, component: str | int | None) -> Mesh:
     mesh = as_mesh(mesh)
     if component is None:
         return mesh
-    kept = np.zeros(mesh.n_vertices, dtype=bool)
-    kept[prepare(mesh, component=component).kept] = True
-    faces = mesh.faces[kept[mesh.faces].all(axis=1)]
+    kept = prepare(mesh, component=component).kept
+    faces = mesh.faces[np.isin(mesh.faces, kept).all(axis=1)]
     return Mesh(mesh.vertices, faces, name=mesh.name, notes=mesh.notes)
 
 
