@@ -124,7 +124,7 @@ def test_the_tip_of_a_slit_is_on_the_rim() -> None:
     below = (faces // side).max(axis=1) > row
     for vertex, copy in zip(left, copies, strict=True):
         faces[below[:, None] & (faces == vertex)] = copy
-    vertices = np.concatenate([sheet.vertices, sheet.vertices[left]])
+    vertices = np.concatenate([sheet.vertices, sheet.vertices[left] + 1e-3])
     shape = prepare_shape(Mesh(vertices, faces), 10, partial=True).shape
     extremity = row * side + row
     assert shape.on_boundary[[*left, *copies, extremity]].all()
