@@ -8,7 +8,7 @@ from unbend._types import FloatArray
 from unbend.errors import MeshError
 from unbend.mesh import face_normals
 from unbend.preparation import _surface, surface_of_points, triangulate_points
-from unbend.preparation._winding_field import winding_number
+from unbend.preparation._winding_field import Grid, winding_number
 
 TURN = Rotation.from_rotvec([0.5, -1.2, 0.8]).as_matrix()
 
@@ -33,7 +33,8 @@ def torus(n: int, noise: float = 0, thick: float = 0.4) -> FloatArray:
 
 def test_the_winding_number_tells_inside_from_outside() -> None:
     points, cell = sphere(1000), 0.11
-    grid, normals, field = winding_number(points, cell)
+    grid = Grid(points, cell)
+    normals, field = winding_number(grid, len(points))
     areas = np.linalg.norm(normals, axis=1) * cell**2
     assert ((normals * points).sum(axis=1) * cell**2 > 0.95 * areas).all()
     assert areas.sum() == pytest.approx(4 * np.pi, rel=0.15)

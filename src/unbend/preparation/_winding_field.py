@@ -20,9 +20,8 @@ from unbend._arrays import unit_vectors
 from unbend._types import FloatArray
 
 MARGIN = 0.15  # of the grid around the points, in sizes
-_SMOOTHING = (3.0, 0.5)  # standard deviation of the Gaussian in cells, at first and in the end
+_SMOOTHING = (3.0, 0.7)  # standard deviation of the Gaussian in cells, at first and in the end
 _STEPS = 20
-_COARSE = 2  # cells of the grid of the first steps, as long as they are no larger than the Gaussian
 
 
 class _Stencil(NamedTuple):
@@ -100,33 +99,24 @@ class Grid:
         return np.asarray(fft.irfftn(spectrum, self.shape))
 
 
-def winding_number(points: FloatArray, cell: float) -> tuple[Grid, FloatArray, FloatArray]:
-    """Find normals (n, 3) of the points, times their areas, and the winding number on a grid."""
-    normals = np.zeros_like(points)
-    widths = np.geomspace(*_SMOOTHING, _STEPS)
-    coarse = widths >= _COARSE * _SMOOTHING[1]
-    for factor, some in (_COARSE, widths[coarse]), (1, widths[~coarse]):
-        grid = Grid(points, factor * cell)
-        normals = normals * (_COARSE / factor) ** 2  # their areas are in squared cells
-        for width in some / factor:
-            smoothing = grid.smoothing(width)
-            normals = _improved(grid, normals, smoothing)
+def winding_number(grid: Grid, n: int) -> tuple[FloatArray, FloatArray]:
+    """Find normals (n, 3) of the points, times their areas, and the winding number on the grid."""
+    normals = np.zeros((n, 3))
+    for width in np.geomspace(*_SMOOTHING, _STEPS):
+        smoothing = grid.smoothing(width)
+        # One step of steepest descent towards a winding number of one half at all points.
+        field = grid.winding(normals, smoothing)
+        missing = 0.5 - _inside(grid, field)
+        step = -grid.gradient(grid.potential(missing, smoothing))
+        turned = grid.winding(step, smoothing)
+        change = _inside(grid, turned)
+        length = missing @ change / max(float(change @ change), 1e-300)
+        # The normals turn to the gradient and keep their lengths.
+        slope = -grid.gradient(field + length * turned)
+        areas = np.linalg.norm(normals + length * step, axis=1, keepdims=True)
+        normals = unit_vectors(slope) * areas
     field = grid.winding(normals, smoothing)
-    return grid, normals, field - _outside(field)
-
-
-def _improved(grid: Grid, normals: FloatArray, smoothing: FloatArray) -> FloatArray:
-    # One step of steepest descent towards a winding number of one half at all points.
-    field = grid.winding(normals, smoothing)
-    missing = 0.5 - _inside(grid, field)
-    step = -grid.gradient(grid.potential(missing, smoothing))
-    turned = grid.winding(step, smoothing)
-    change = _inside(grid, turned)
-    length = missing @ change / max(float(change @ change), 1e-300)
-    # The normals turn to the gradient and keep their lengths.
-    slope = -grid.gradient(field + length * turned)
-    areas = np.linalg.norm(normals + length * step, axis=1, keepdims=True)
-    return np.asarray(unit_vectors(slope) * areas)
+    return normals, field - _outside(field)
 
 
 def _inside(grid: Grid, field: FloatArray) -> FloatArray:
