@@ -3,7 +3,7 @@
 The normals of the points are unknown. They are found as those whose winding number is one half at
 all points and whose direction is that of its gradient there, while the field is smoothed less and
 less (Lin, Shi & Liu, ACM TOG 2024). The field solves a Poisson equation whose right side is the
-divergence of the normals, by Fourier transforms; derivatives are central differences.
+divergence of the normals, by Fourier transforms.
 """
 
 from __future__ import annotations
