@@ -21,10 +21,11 @@ from unbend.errors import FileError
 from unbend.io.formats.contents import Contents, count, misfit, numbers_in
 from unbend.io.formats.vtk import STRIPS, contents_of
 
-_TYPES = {"f8": "Float64", "i8": "Int64", "u1": "UInt8"}
-_CODES = {f"{name}{8 * size}": f"{code}{size}" for name, code, sizes in (
-    ("Float", "f", (4, 8)), ("Int", "i", (1, 2, 4, 8)), ("UInt", "u", (1, 2, 4, 8))
-) for size in sizes}  # fmt: skip
+_TYPES = {
+    "f4": "Float32", "f8": "Float64", "i1": "Int8", "i2": "Int16", "i4": "Int32", "i8": "Int64",
+    "u1": "UInt8", "u2": "UInt16", "u4": "UInt32", "u8": "UInt64",
+}  # fmt: skip
+_CODES = {name: code for code, name in _TYPES.items()}
 _UNPACK: dict[str, Callable[[bytes], bytes]] = {
     "vtkZLibDataCompressor": zlib.decompress,
     "vtkLZMADataCompressor": lzma.decompress,
@@ -44,6 +45,8 @@ class _Reader:
             raise FileError(f"holds {kind}, which is no surface; save its surface")
         how, _, data = rest.partition(b"_")
         self.raw, self.appended = b"raw" in how, data.rpartition(b"</AppendedData")[0]
+        offsets = (one.get("offset", "0") for one in self.root.iter("DataArray"))
+        self.starts = [count(one, "bytes") for one in offsets]
         self.order = ">" if self.root.get("byte_order") == "BigEndian" else "<"
         self.word = np.dtype(
             self.order + ("u8" if self.root.get("header_type") == "UInt64" else "u4")
@@ -68,7 +71,9 @@ class _Reader:
         else:
             data = (one.text or "").encode()
             if how == "appended":
-                data = self.appended[count(one.get("offset", ""), "bytes") :]
+                start = count(one.get("offset", ""), "bytes")
+                end = min((at for at in self.starts if at > start), default=None)
+                data = self.appended[start:end]
             data = data if self.raw and how == "appended" else _from_base64(data)
             try:
                 found = self.unpacked(data, np.dtype(self.order + _CODES[kind]))
