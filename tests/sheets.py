@@ -76,5 +76,18 @@ def make_twisted_ball(level: int) -> tuple[Mesh, np.ndarray]:
     return Mesh(ball.vertices[used], faces.reshape(-1, 3)), np.searchsorted(used, ring[:3])
 
 
+def cut_along_seam(mesh: Mesh) -> tuple[Mesh, np.ndarray]:
+    """Give faces on the side of greater x their own vertices on the border, after the others.
+
+    Returns the seam's vertices, of which those added are the copies, too.
+    """
+    beyond = mesh.vertices[mesh.faces].mean(axis=1)[:, 0] > mesh.vertices[:, 0].mean()
+    seam = np.intersect1d(mesh.faces[beyond], mesh.faces[~beyond])
+    number = np.arange(mesh.n_vertices)
+    number[seam] = mesh.n_vertices + np.arange(len(seam))
+    faces = np.where(beyond[:, None], number[mesh.faces], mesh.faces)
+    return Mesh(np.concatenate([mesh.vertices, mesh.vertices[seam]]), faces), seam
+
+
 def _sides(face: np.ndarray) -> list[tuple[int, int]]:
     return [(int(face[k]), int(face[(k + 1) % 3])) for k in range(3)]

@@ -57,13 +57,20 @@ def test_two_components_need_an_option(folder: Path) -> None:
     assert "next: unbend canonical 'two meshes.off' -o OUT.ply --component largest" in out
 
 
-def test_components_that_meet_in_seams_are_to_be_merged(folder: Path) -> None:
-    vertices = np.vstack([VERTICES, VERTICES * [-1, 1, 1]])
-    write_mesh("cut.off", (vertices, np.vstack([FACES, FACES[:, ::-1] + 4])))
+def test_what_is_cut_along_a_seam_is_whole(folder: Path) -> None:
+    write_mesh(
+        "cut.off",
+        (
+            np.vstack([VERTICES, VERTICES[:3]]),
+            np.where([[1, 1, 1], [0] * 3, [0] * 3, [0] * 3], FACES + 4, FACES),
+        ),
+    )
     code, out, _ = check("cut.off")
     assert code == 0
-    assert "3 vertices are where another component has one: merge such vertices first if" in out
-    assert "next:" not in out
+    assert "vertices doubled at seams 3 joins the surface there" in " ".join(out.split())
+    assert "components 1 boundary edges 0 closed genus 0" in " ".join(out.split())
+    assert "unbend can work with this mesh." in out
+    assert "next: unbend canonical cut.off -o OUT.ply" in out
 
 
 def test_faces_that_are_turned_are_no_sign_of_health(folder: Path) -> None:

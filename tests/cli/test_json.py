@@ -27,7 +27,7 @@ HEALTH = {
     **dict.fromkeys(("n_vertices", "n_faces", "boundary_edges", "boundary_loops"), int),
     **dict.fromkeys(("non_manifold_edges", "non_manifold_vertices", "inconsistent_edges"), int),
     **dict.fromkeys(("degenerate_faces", "unreferenced_vertices"), int),
-    **dict.fromkeys(("duplicate_vertices", "duplicate_faces"), int),
+    **dict.fromkeys(("duplicate_vertices", "seam_vertices", "duplicate_faces"), int),
     **dict.fromkeys(("one_sided", "inside_out", "closed", "robust_needed"), bool),
     **dict.fromkeys(("euler_characteristic", "genus"), (int, type(None))),
     **dict.fromkeys(("area", "edge_min", "edge_median", "edge_max"), MAYBE),

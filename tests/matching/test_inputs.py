@@ -62,14 +62,6 @@ def test_every_vertex_in_use_has_one_that_stands_for_it() -> None:
     np.testing.assert_allclose(apart / before, apart[0] / before[0])
 
 
-def test_a_surface_that_is_cut_along_a_seam_is_told() -> None:
-    ball = make_sphere(2)
-    upper = ball.vertices[ball.faces].mean(axis=1)[:, 2] > 0.3
-    faces = np.concatenate([ball.faces[~upper], ball.faces[upper] + 162])
-    with pytest.warns(UnbendWarning, match=r"takes the .*; \d+ vertices are where another"):
-        prepare_shape(Mesh(np.tile(ball.vertices, (2, 1)), faces), 10)
-
-
 @pytest.mark.parametrize(
     ("size", "level", "told"),
     [

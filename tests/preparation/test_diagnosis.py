@@ -46,6 +46,7 @@ def test_a_cube() -> None:
         "degenerate_faces": 0,
         "unreferenced_vertices": 0,
         "duplicate_vertices": 0,
+        "seam_vertices": 0,
         "duplicate_faces": 0,
         "area": pytest.approx(6),
         "closed": True,

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from sheets import cut_along_seam
 from unbend import Mesh
 from unbend.datasets import make_sphere
 from unbend.errors import InputError, MeshError
@@ -23,7 +24,7 @@ def test_a_clean_mesh_is_passed_on_as_it_is() -> None:
     prepared = prepare(TETRAHEDRON)
     assert prepared.mesh is TETRAHEDRON
     assert prepared.kept.tolist() == [0, 1, 2, 3]
-    assert (prepared.notes, prepared.robust_needed, prepared.n_original) == ((), False, 4)
+    assert (prepared.notes, prepared.robust_needed) == ((), False)
     values = np.arange(8.0).reshape(4, 2)
     assert prepared.expand(values) is values
 
@@ -45,29 +46,35 @@ def test_several_components_are_refused_with_a_remedy() -> None:
         prepare(TWO)
     assert str(caught.value) == (
         "two.off: the mesh has 2 separate components (with 4 and 3 vertices); keep one with "
-        '--component largest (in Python: component="largest"); 3 vertices are where another '
-        "component has one: merge such vertices first if these are seams of one surface"
+        '--component largest (in Python: component="largest")'
     )
 
 
-def test_components_that_meet_in_seams_are_told() -> None:
-    """A vertex at the position of one of its own component, or of one in no face, is no seam."""
-    row = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [2, 0, 0], [2, 1, 0], [1, 0, 0]]
-    vertices = np.array([*row, *(np.array(row[1:4])), row[4]])
-    faces = np.array([[0, 1, 2], [5, 1, 0], [6, 7, 8]])
-    seams = r"; 2 vertices are where another component has one: merge such vertices first if"
-    with pytest.raises(MeshError, match=r"\(with 4 and 3 vertices\); .*\)" + seams):
-        prepare(Mesh(vertices, faces))
-    with pytest.raises(MeshError, match="only 3 vertices; a shape needs at least 4" + seams):
-        prepare(Mesh(vertices, faces), component=1)
+def test_boundaries_with_equal_positions_are_joined(blob: Mesh) -> None:
+    """Of a part and the rest; vertices in no face are not on the seam."""
+    cut, seam = cut_along_seam(blob)
+    cut = Mesh(np.vstack([cut.vertices, blob.vertices[:3]]), cut.faces)
+    n, n_cut = blob.n_vertices, len(cut.vertices) - 3
+    prepared = prepare(cut)
+    np.testing.assert_array_equal(prepared.mesh.vertices, blob.vertices)
+    np.testing.assert_array_equal(prepared.mesh.faces, blob.faces)
+    assert prepared.notes == (
+        f"{len(seam)} boundary vertices have the position of another one: the surface is joined "
+        "there, as at the seams of a texture",
+        "3 unreferenced vertices get no values (NaN) and no partners (-1)",
+    )
+    values = prepared.expand(np.arange(n))
+    np.testing.assert_array_equal(values[n:n_cut], seam)
+    assert np.isnan(values[n_cut:]).all()
+    np.testing.assert_array_equal(only_component(cut, 0).faces, cut.faces)
+    (note,) = prepare(Mesh(cut.vertices[:n_cut], cut.faces), connected=False).notes
+    assert note.endswith("the surface is cut open there; merge them if it should be whole")
 
 
-def test_a_slit_is_told() -> None:
-    square = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [1, 0, 0]])
-    faces = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]])
-    (note,) = prepare(Mesh(square, faces)).notes
-    assert note.startswith("1 boundary vertex has the position of another one, so the surface is")
-    assert prepare(Mesh(square[:5], np.where(faces == 5, 1, faces))).notes == ()
+def test_closed_surfaces_that_touch_stay_apart() -> None:
+    touching = Mesh(np.vstack([VERTICES, VERTICES * [-1, 1, 1]]), np.vstack([FACES, FACES + 4]))
+    with pytest.raises(MeshError, match="2 separate components"):
+        prepare(touching)
 
 
 @pytest.mark.parametrize("component", ["largest", 0, np.int64(0)])

@@ -44,10 +44,6 @@ def _health(mesh: Mesh) -> tuple[bool, list[str]]:
         f"It has {found.n_components:,} separate pieces; the largest is used. If that is wrong, "
         "delete the small pieces in a program such as MeshLab or Blender."
     )
-    merge = (
-        "Some points lie exactly on others. If the surface is cut there, merge them first "
-        "(in Blender: Merge by Distance)."
-    )
     holes, loose = plural(found.boundary_loops, "hole"), found.unreferenced_vertices
     turned = found.inconsistent_edges and not found.one_sided
     damaged = found.non_manifold_edges or found.non_manifold_vertices or found.degenerate_faces
@@ -63,7 +59,7 @@ def _health(mesh: Mesh) -> tuple[bool, list[str]]:
         (found.boundary_edges, f"It is open, with {holes} or boundaries. That is fine."),
         (damaged, "Some faces are damaged. unbend works around them."),
         (loose, f"{plural(loose, 'vertex')} in no face: left out."),
-        (found.duplicate_vertices and several, merge),
+        (found.seam_vertices, "It is cut open along seams, as of a texture. It is joined there."),
         (
             mesh.n_vertices > _MANY,
             "It is large: expect minutes. A reduced copy gives nearly the same map.",

@@ -25,7 +25,8 @@ def read_shapes(paths: Iterable[str], component: str | None = None) -> list[unbe
     shapes = [unbend.read_mesh(path) for path in paths]
     if component is None:
         return shapes
-    sizes = [unbend.mesh.find_components(one.faces, one.n_vertices).n_vertices for one in shapes]
+    joined = [unbend.preparation.join_seams(one)[0] for one in shapes]
+    sizes = [unbend.mesh.find_components(one.faces, one.n_vertices).n_vertices for one in joined]
     several = [(one.name, n) for one, n in zip(shapes, sizes, strict=True) if len(n) > 1]
     chosen = [
         unbend.preparation.only_component(one, component) if len(n) > 1 or not several else one

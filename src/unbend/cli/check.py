@@ -73,17 +73,15 @@ def _judge(
         except InputError as refusal:
             sentence = f"unbend can work with this point cloud, but cannot match it: {refusal}"
     elif several:
-        components = unbend.mesh.find_components(shape.faces, shape.n_vertices)
-        seams = unbend.preparation.describe_seams(shape, components)
-        sentence = f"unbend can work with one component of this mesh{seams}."
-        command = "" if seams else f"{command} --component largest"
+        sentence = "unbend can work with one component of this mesh."
+        command = f"{command} --component largest"
     elif health.one_sided:
         sentence = "unbend can work with this mesh, but cannot match it."
     elif not (prepared.notes or health.inconsistent_edges or health.inside_out):
         sentence = "This mesh is healthy."
     if rounding := unbend.preparation.describe_rounding(prepared.mesh):
         sentence = f"{sentence[:-1]}, but its {rounding}"
-    return True, sentence, command or None
+    return True, sentence, command
 
 
 def _overview(found: list[dict[str, Any]]) -> list[str]:
@@ -131,7 +129,12 @@ def _details(shape: unbend.Mesh, health: unbend.preparation.Diagnosis) -> list[s
         (health.non_manifold_vertices, "non-manifold vertices", branching),
         (health.inconsistent_edges, "edges with flipped faces", turned),
         (health.unreferenced_vertices, "unreferenced vertices", "gives them NaN"),
-        (health.duplicate_vertices, "duplicate vertices", "keeps them; merge them if unintended"),
+        (health.seam_vertices, "vertices doubled at seams", "joins the surface there"),
+        (
+            health.duplicate_vertices - health.seam_vertices,
+            "duplicate vertices",
+            "keeps them; merge them if unintended",
+        ),
         (health.duplicate_faces, "duplicate faces", "leaves them out"),
     )
     lines += [(what, f"{count:,}", action) for count, what, action in problems if count]

@@ -113,8 +113,7 @@ def match(
         next_step = f"unbend transfer {paths} --values VALUES.npy -o OUT.npy"
         next_step += f" --component {component}" if component is not None else ""
     for shape in shapes if component is None else ():
-        pieces = unbend.mesh.find_components(shape.faces, shape.n_vertices)
-        if wider := unbend.matching.wider_component(shape, pieces):
+        if wider := unbend.matching.wider_component(unbend.preparation.join_seams(shape)[0]):
             next_step = f"if the body of {shape.name} is component {wider}, add --component {wider}"
     if colored is not None:
         colors = unbend.report.match_colors(shapes[0], shapes[1], found)

@@ -20,6 +20,7 @@ from unbend.errors import InputError, MeshError, warn
 from unbend.io import MeshLike, as_mesh, checked_map
 from unbend.matching import Match
 from unbend.mesh import Mesh, vertex_areas, vertex_ids
+from unbend.preparation import join_seams
 
 THRESHOLDS = np.arange(17) / 80
 """Error thresholds of the paper's curves (Table 1, Fig. 2), in units of sqrt(target area)."""
@@ -200,12 +201,13 @@ def evaluate(
         ours = direct[both[given & true]]
         map_min = min(ours, mirrored, key=lambda one: float(one.mean()))
         vertex_min = np.minimum(ours, mirrored)
-    areas = vertex_areas(target)
+    whole, number = join_seams(target)
+    areas = vertex_areas(whole)
     return Evaluation(
         direct=direct,
         map_min=map_min,
         vertex_min=vertex_min,
-        coverage=float(areas[np.unique(images[images >= 0])].sum() / areas.sum()),
+        coverage=float(areas[np.unique(number[images[images >= 0]])].sum() / areas.sum()),
         overlap=Overlap(*(len(direct) / int(some.sum()) for some in (given, true, given | true))),
     )
 

@@ -19,6 +19,7 @@ from unbend.errors import InputError, warn
 from unbend.io import MeshLike, as_mesh
 from unbend.matching import Match
 from unbend.mesh import Mesh, edge_ends
+from unbend.preparation import join_seams, restrict
 
 _MOST_RATIO = 10  # of sizes of one kind of shape, in one unit
 
@@ -92,20 +93,27 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
     name = f"{source.name} to {target.name} at {t:g}"
     if t == 0:
         return Mesh(source.vertices, source.faces, name=name)
-    start = source.vertices
+    whole, number = join_seams(source)
+    part, kept, _ = restrict(whole, number == np.arange(len(number)))
+    start, faces, goal, number = (
+        part.vertices,
+        part.faces,
+        goal[kept],
+        np.searchsorted(kept, number),
+    )
     moving = np.asarray(np.isfinite(np.hstack([goal, start])).all(axis=1))
     if moving.sum() < 3:
         raise InputError("fewer than 3 vertices of the source have an image: nothing to morph")
     rotation, translation = procrustes(start[moving], goal[moving], reflect=False)
-    size, center = _growth(start, goal, moving, source.faces), start[moving].mean(axis=0)
+    size, center = _growth(start, goal, moving, faces), start[moving].mean(axis=0)
     goal[~moving] = size * (start[~moving] - center) @ rotation.T + goal[moving].mean(axis=0)
-    surface = _evenly_weighted(start, source.faces) if source.n_faces else None
+    surface = _evenly_weighted(start, faces) if source.n_faces else None
     if surface is not None and not moving.all():
-        loose = in_unmatched_components(source.faces, moving) & (surface.areas > 0)
+        loose = in_unmatched_components(faces, moving) & (surface.areas > 0)
         surface = joined(surface, loose)
         goal = _extended(surface, goal, moving, rotation, size)
     if t == 1:
-        return Mesh(goal, source.faces, name=name)
+        return Mesh(goal[number], source.faces, name=name)
     warn_of_units((_extent(source), _extent(target)), (source.name, target.name))
     # The shape changes in the source's own frame; then the rigid motion follows.
     goal = (goal - translation) @ rotation
@@ -114,7 +122,8 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
         between = _bend(surface, goal, between, t)
     share = Rotation.from_rotvec(t * Rotation.from_matrix(rotation).as_rotvec()).as_matrix()
     travel = center @ rotation.T + translation - center
-    return Mesh((between - center) @ share.T + center + t * travel, source.faces, name=name)
+    between = (between - center) @ share.T + center + t * travel
+    return Mesh(between[number], source.faces, name=name)
 
 
 def warn_of_units(

@@ -27,7 +27,7 @@ from unbend.mesh import (
     used_vertices,
     vertex_areas,
 )
-from unbend.preparation import surface_of_points
+from unbend.preparation import join_seams, surface_of_points
 
 _COVERED = 0.1  # mean edges that a vertex on the scan may lie off it
 _SPECK = 1e-6  # of the area, of a component too small to deform: it follows what is nearest
@@ -137,9 +137,12 @@ def register(
         points = surface_of_points(scan)
         images = np.where(images < 0, -1, points.vertex_of_point[images])
         scan = points.mesh
-    used = np.unique(template.faces)
-    rest, faces = template.vertices[used], np.searchsorted(used, _oriented(template))
-    areas = vertex_areas(template)[used]
+    whole, number = join_seams(template)
+    scan, of_scan = join_seams(scan)
+    images = np.where(images < 0, -1, of_scan[images])
+    used = np.unique(whole.faces)
+    rest, faces = whole.vertices[used], np.searchsorted(used, _oriented(whole))
+    areas = vertex_areas(whole)[used]
     area = float(areas.sum())
     if not 0 < area < np.inf:
         raise MeshError(f"{template.name}: its area is {area:g}; give coordinates in another unit")
@@ -172,6 +175,7 @@ def register(
     distances[used] = off * size
     covered = np.zeros(len(vertices), dtype=bool)
     covered[used] = near
+    vertices, distances, covered = vertices[number], distances[number], covered[number]
     mesh = Mesh(vertices, template.faces, name=f"{template.name} on {scan.name}")
     shares = vertex_areas(mesh)
     return Registration(

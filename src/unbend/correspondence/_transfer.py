@@ -17,6 +17,7 @@ from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh, checked_map, invert_map
 from unbend.matching import Match, warn_of_disorder
 from unbend.mesh import Mesh, faces_around, find_components
+from unbend.preparation import join_seams
 
 _GREY = 128
 _ROUNDING = 1e-6  # by which barycentric coordinates may miss a sum of one
@@ -128,14 +129,14 @@ def positions_on_target(
     match has them. Raises InputError if the match does not fit the meshes, or its barycentric
     coordinates do not sum to one.
     """
-    images = as_point_map(match, source, target)
+    images, number = as_point_map(match, source, target), join_seams(target)[1]
     positions = np.where(images[:, None] >= 0, target.vertices[images], np.nan)
     if isinstance(match, Match) and match.faces is not None and match.weights is not None:
         there = match.faces >= 0
         named = match.faces[there]
         if (
             named.max(initial=-1) >= target.n_faces
-            or not (target.faces[named] == images[there, None]).any(axis=1).all()
+            or not (number[target.faces[named]] == number[images[there], None]).any(axis=1).all()
         ):
             raise InputError(
                 f"the match names faces that {target.name} does not have, or has in another order: "
@@ -152,7 +153,9 @@ def positions_on_target(
         corners = target.vertices[target.faces[named]]
         positions[there] = np.einsum("ij,ijk->ik", weights, corners)
     if isinstance(match, Match) and source is not None:
-        positions[find_components(source.faces, source.n_vertices).of_vertex > 0] = np.nan
+        whole, number = join_seams(source)
+        of_vertex = find_components(whole.faces, whole.n_vertices).of_vertex
+        positions[of_vertex[number] > 0] = np.nan
     return positions
 
 
@@ -166,7 +169,8 @@ def _preimages(
                 "a map given as an array maps from source to target: to invert it, give the "
                 "target's mesh too, or give a Match"
             )
-        vertices = invert_map(images, target)
+        whole, number = join_seams(target)
+        vertices = invert_map(np.where(images < 0, -1, number[images]), whole)[number]
         return vertices[:, None], np.ones((len(vertices), 1))
     vertices = match.target_to_source
     if match.faces is not None and (source is None) != (target is None):
@@ -175,10 +179,9 @@ def _preimages(
         return vertices[:, None], np.ones((len(vertices), 1))
     places = positions_on_target(match, target)
     there = np.flatnonzero(vertices >= 0)
-    fans = faces_around(source.faces, source.n_vertices)
-    faces, weights = closest_faces(
-        target.vertices[there], places, source.faces, fans, vertices[there]
-    )
+    whole, number = join_seams(source)
+    fans, start = faces_around(whole.faces, whole.n_vertices), number[vertices[there]]
+    faces, weights = closest_faces(target.vertices[there], places, whole.faces, fans, start)
     # Partners without faces are used as they are.
     corners, shares = vertices.repeat(3).reshape(-1, 3), np.tile([1.0, 0, 0], (len(vertices), 1))
     on_face = weights.any(axis=1)

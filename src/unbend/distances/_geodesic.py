@@ -18,7 +18,7 @@ from unbend.mesh import (
     find_edges,
     has_earlier_twin,
 )
-from unbend.preparation import check_size, restrict
+from unbend.preparation import check_size, join_seams, restrict
 from unbend.spectral import delaunay_triangles
 
 _FromVertex = Callable[[int], FloatArray]
@@ -35,6 +35,7 @@ def geodesic_solver(mesh: Mesh, *, exact: bool) -> _FromVertex:
     Returns a function from a vertex to the distances (n,) in the mesh's unit of length, infinite
     where no path leads. It warns, once for each component, of distances that cannot be right.
     """
+    mesh, number = join_seams(mesh)
     twice = has_earlier_twin(mesh.faces)
     if twice.any():  # they add no surface
         mesh = Mesh(mesh.vertices, mesh.faces[~twice], name=mesh.name)
@@ -47,13 +48,14 @@ def geodesic_solver(mesh: Mesh, *, exact: bool) -> _FromVertex:
         return kept, solver_of_component(part, exact=exact)
 
     def one(source: int) -> FloatArray:
+        source = int(number[source])
         distances = np.full(mesh.n_vertices, np.inf)
         if of_vertex[source] < 0:  # no face uses it, or only one that names a vertex twice
             distances[source] = 0.0
         else:
             kept, from_vertex = on_component(int(of_vertex[source]))
             distances[kept] = from_vertex(int(np.searchsorted(kept, source)))
-        return distances
+        return distances[number]
 
     return one
 

@@ -18,7 +18,6 @@ from unbend.io import MeshLike, as_mesh
 from unbend.matching import _constants as constants
 from unbend.matching._shape import Shape, make_shape
 from unbend.mesh import (
-    Components,
     Mesh,
     find_components,
     orient_consistently,
@@ -26,7 +25,7 @@ from unbend.mesh import (
     vertex_areas,
     vertex_ids,
 )
-from unbend.preparation import describe_seams, restrict, surface_of_points
+from unbend.preparation import describe_seams, join_seams, restrict, surface_of_points
 from unbend.spectral import Surface, eigenpairs, make_surface
 
 # Vertices of all meshes, above which the spectrum of one keeps every core busy and those of several
@@ -114,7 +113,10 @@ def prepare_shapes(
 def _check(mesh: Mesh) -> _Checked:
     if mesh.is_point_cloud:
         return _check_points(mesh)
-    largest, kept, own_faces = _largest(mesh)
+    joined, number = join_seams(mesh)
+    if seams := describe_seams(number):
+        warn(f"{mesh.name}: {seams}")
+    largest, kept, own_faces = _largest(joined, number)
     surface = make_surface(largest)
     kept = kept[surface.prepared.kept]
     own_faces = own_faces[surface.prepared.kept_faces]
@@ -133,9 +135,10 @@ def _check(mesh: Mesh) -> _Checked:
         faces, outward = faces[:, ::-1], -outward
     found = np.full(mesh.n_vertices, -1)
     found[kept] = np.arange(len(kept))
-    others = np.setdiff1d(mesh.faces, kept)
+    others = np.setdiff1d(joined.faces, kept)
     found[others] = cKDTree(mesh.vertices[kept]).query(mesh.vertices[others])[1]
-    in_mesh = kept, found, _away(mesh, surface, kept, found), own_faces, mesh.faces[own_faces]
+    found = found[number]
+    in_mesh = kept, found, _away(mesh, surface, kept, found), own_faces, joined.faces[own_faces]
     return _Checked(surface, faces, outward, in_mesh)
 
 
@@ -179,14 +182,17 @@ def expand_rows(rows: Any, source: Input, missing: float) -> Any:
     return full
 
 
-def _largest(mesh: Mesh) -> tuple[Mesh, IntArray, IntArray]:
-    """Take the largest component, its vertices and its faces; say so if there are more."""
+def _largest(mesh: Mesh, number: IntArray) -> tuple[Mesh, IntArray, IntArray]:
+    """Take the largest component, its vertices and its faces; say so if there are more.
+
+    Of the mesh, seams are joined; `number` says which vertices went.
+    """
     components = find_components(mesh.faces, mesh.n_vertices)
     n_others = len(components.n_vertices) - 1
     if n_others < 1:
-        return mesh, np.arange(mesh.n_vertices), np.arange(mesh.n_faces)
+        return restrict(mesh, number == np.arange(mesh.n_vertices))
     choice = ""
-    if wider := wider_component(mesh, components):
+    if wider := wider_component(mesh):
         choice = (
             f"; component {wider} has over twice its area: if that is the body, match it instead"
         )
@@ -196,12 +202,13 @@ def _largest(mesh: Mesh) -> tuple[Mesh, IntArray, IntArray]:
         f"{mesh.name}: its largest component is matched, {components.n_vertices[0]:,} of "
         f"{plural(mesh.n_vertices, 'vertex')}; {plural(n_others, 'smaller component')} "
         f"{'takes' if n_others == 1 else 'take'} the partners of the nearest vertices there"
-        f"{choice}{describe_seams(mesh, components)}"
+        f"{choice}"
     )
     return restrict(mesh, components.of_vertex == 0)
 
 
-def wider_component(mesh: Mesh, components: Components) -> int:
+def wider_component(mesh: Mesh) -> int:
     """Component of the largest area, if over twice that of the one with most vertices; or 0."""
+    components = find_components(mesh.faces, mesh.n_vertices)
     areas = np.bincount(components.of_vertex + 1, vertex_areas(mesh))[1:]
     return int(areas.argmax()) if areas.max(initial=0) > 2 * areas[:1].sum() else 0

@@ -22,12 +22,12 @@ from unbend.mesh import (
     outwardness,
     proper_faces,
 )
-from unbend.preparation._prepare import prepare
+from unbend.preparation._prepare import join_seams, prepare
 
 
 @dataclass(frozen=True, repr=False)
 class Diagnosis(Brief):
-    """The health of a mesh, as returned by :func:`diagnose`.
+    """The health of a mesh, whose seams are joined, as returned by :func:`diagnose`.
 
     Attributes
     ----------
@@ -58,6 +58,9 @@ class Diagnosis(Brief):
         Vertices that no face uses; 0 for a point cloud.
     duplicate_vertices : int
         Vertices at exactly the position of an earlier one.
+    seam_vertices : int
+        Those among them that are on boundaries, as where a texture cut a surface open. Computations
+        count each as the earlier one, and so do all other attributes.
     duplicate_faces : int
         Faces with the same three vertices as an earlier one, in any order.
     area : float
@@ -91,6 +94,7 @@ class Diagnosis(Brief):
     degenerate_faces: int
     unreferenced_vertices: int
     duplicate_vertices: int
+    seam_vertices: int
     duplicate_faces: int
     area: float
     closed: bool
@@ -136,7 +140,8 @@ def diagnose(mesh: MeshLike) -> Diagnosis:
     (True, 0, (4,))
     """
     mesh = as_mesh(mesh)
-    vertices, faces = mesh.vertices, mesh.faces
+    joined, number = join_seams(mesh)
+    vertices, faces = mesh.vertices, joined.faces
     proper = proper_faces(faces)
     edges = find_edges(proper, mesh.n_vertices)
     components = find_components(faces, mesh.n_vertices)
@@ -146,6 +151,7 @@ def diagnose(mesh: MeshLike) -> Diagnosis:
         once = proper_faces(faces[~twice])
         area = measure_faces(vertices, once)[1]
     n_used = int(components.n_vertices.sum())
+    n_doubled = int((number != np.arange(mesh.n_vertices)).sum())
     boundary = edges.ends[edges.n_faces == 1]
     loops = len(np.unique(label_linked(boundary.T, mesh.n_vertices)[boundary[:, 0]]))
     non_manifold_edges = int((edges.n_faces > 2).sum())
@@ -167,7 +173,7 @@ def diagnose(mesh: MeshLike) -> Diagnosis:
     robust_needed = False
     if n_degenerate or non_manifold_edges or non_manifold_vertices:
         with suppress(MeshError):
-            robust_needed = prepare(mesh, connected=False).robust_needed
+            robust_needed = prepare(joined, connected=False).robust_needed
     return Diagnosis(
         n_vertices=mesh.n_vertices,
         n_faces=mesh.n_faces,
@@ -181,8 +187,9 @@ def diagnose(mesh: MeshLike) -> Diagnosis:
         one_sided=oriented is None,
         inside_out=oriented is not None and outwardness(vertices, oriented) < -1,
         degenerate_faces=n_degenerate,
-        unreferenced_vertices=0 if mesh.is_point_cloud else mesh.n_vertices - n_used,
+        unreferenced_vertices=0 if mesh.is_point_cloud else mesh.n_vertices - n_used - n_doubled,
         duplicate_vertices=count_repeats(vertices),
+        seam_vertices=n_doubled,
         duplicate_faces=int(twice.sum()),
         area=area,
         closed=len(proper) > 0 and len(boundary) == 0,

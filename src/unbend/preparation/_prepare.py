@@ -21,6 +21,7 @@ from unbend.mesh import (
     has_earlier_twin,
     has_repeated_index,
     measure_faces,
+    proper_faces,
 )
 
 _LEAST_VERTICES = 4  # a shape in three dimensions has no fewer
@@ -35,17 +36,17 @@ class Prepared:
     mesh: Mesh  # the mesh that was given if all of it is kept
     kept: IntArray  # (n_kept,) vertices of the original mesh, increasing
     kept_faces: IntArray  # (m_kept,) faces of the original mesh, increasing
-    n_original: int  # vertices
+    number: IntArray  # (n_original,) the vertex that stands for each: itself, except at seams
     robust_needed: bool  # what is kept has flaws that the cotangent Laplacian cannot take
     notes: tuple[str, ...] = ()  # a sentence for each thing that was done or found
 
     def expand(self, values: FloatArray) -> FloatArray:
-        """Give every original vertex, (n_original, ...), its value if it was kept, else NaN."""
-        if len(self.kept) == self.n_original:
+        """Give every original vertex, (n_original, ...), the value of what stands for it or NaN."""
+        if len(self.kept) == len(self.number):
             return values
-        expanded = np.full((self.n_original, *values.shape[1:]), np.nan)
+        expanded = np.full((len(self.number), *values.shape[1:]), np.nan)
         expanded[self.kept] = values
-        return expanded
+        return expanded[self.number]
 
 
 def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool = True) -> Prepared:
@@ -56,12 +57,16 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
     surface twice. Nothing else is: other degenerate faces stay, and vertices keep their order.
 
     The component is "largest", or a number: 0 is the largest. `connected` says that the computation
-    needs a single one. Raises MeshError if no face has an area, fewer than 4 vertices are left,
-    there are several components while one is needed and none was chosen, or the mesh is less than
-    1e-60 or more than 1e60 across; InputError if there is no such component.
+    needs a single one, so that seams are joined before components are told apart. Raises MeshError
+    if no face has an area, fewer than 4 vertices are left, there are several components while one
+    is needed and none was chosen, or the mesh is less than 1e-60 or more than 1e60 across;
+    InputError if there is no such component.
     """
     if mesh.is_point_cloud:
         return _prepare_points(mesh, component)
+    joined, number = join_seams(mesh)
+    seams = describe_seams(number, connected)
+    mesh, number = (joined, number) if connected else (mesh, np.arange(mesh.n_vertices))
     components = find_components(mesh.faces, mesh.n_vertices)
     n_components = len(components.n_vertices)
     if not n_components:
@@ -71,11 +76,11 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
         raise MeshError(
             f"{mesh.name}: the mesh has {n_components} separate components "
             f"(with {_sizes(components)} vertices); keep one with --component largest "
-            f'(in Python: component="largest"){describe_seams(mesh, components)}'
+            '(in Python: component="largest")'
         )
-    notes = []
+    notes = [seams] if seams else []
     keep = components.of_vertex >= 0
-    if n_unused := int((~keep).sum()):
+    if n_unused := int((~keep[number]).sum()):
         verb = "gets" if n_unused == 1 else "get"
         notes.append(f"{plural(n_unused, 'unreferenced vertex')} {verb} {_NO_RESULT}")
     if chosen is not None and n_components > 1:
@@ -88,7 +93,7 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
     if len(kept) < _LEAST_VERTICES:
         raise MeshError(
             f"{mesh.name}: faces use only {plural(len(kept), 'vertex')}; a shape needs at least "
-            f"{_LEAST_VERTICES}{describe_seams(mesh, components)}"
+            f"{_LEAST_VERTICES}"
         )
     degenerate = measure_faces(working.vertices, working.faces)[0]
     if degenerate.all():
@@ -109,15 +114,9 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
         notes.append(f"{plural(n_improper, 'face')} left out, for naming a vertex twice")
     if problems:
         notes.append(f"robust Laplacian, because of {' and '.join(problems)}")
-    if n_doubled := count_repeats(working.vertices[np.unique(edges.ends[edges.n_faces == 1])]):
-        verb = "has" if n_doubled == 1 else "have"
-        notes.append(
-            f"{plural(n_doubled, 'boundary vertex')} {verb} the position of another one, so the "
-            "surface is cut open there, as at a seam; merge them if it should be whole"
-        )
     if rounding := describe_rounding(working):
         notes.append(rounding)
-    return Prepared(working, kept, kept_faces, mesh.n_vertices, bool(problems), tuple(notes))
+    return Prepared(working, kept, kept_faces, number, bool(problems), tuple(notes))
 
 
 def only_component(mesh: MeshLike, component: str | int | None) -> Mesh:
@@ -150,8 +149,8 @@ def only_component(mesh: MeshLike, component: str | int | None) -> Mesh:
     mesh = as_mesh(mesh)
     if component is None:
         return mesh
-    kept = prepare(mesh, component=component).kept
-    faces = mesh.faces[np.isin(mesh.faces, kept).all(axis=1)]
+    prepared = prepare(mesh, component=component)
+    faces = mesh.faces[np.isin(prepared.number[mesh.faces], prepared.kept).all(axis=1)]
     return Mesh(mesh.vertices, faces, name=mesh.name, notes=mesh.notes)
 
 
@@ -169,7 +168,7 @@ def _prepare_points(mesh: Mesh, component: str | int | None) -> Prepared:
     if rounding := describe_rounding(mesh):
         notes.append(rounding)
     kept = np.arange(mesh.n_vertices)
-    return Prepared(mesh, kept, kept[:0], mesh.n_vertices, False, tuple(notes))
+    return Prepared(mesh, kept, kept[:0], kept, False, tuple(notes))
 
 
 def describe_rounding(mesh: Mesh) -> str:
@@ -185,18 +184,31 @@ def describe_rounding(mesh: Mesh) -> str:
     )
 
 
-def describe_seams(mesh: Mesh, components: Components) -> str:
-    """Say so, to end a sentence, if vertices of several components have one position."""
-    other = components.of_vertex[first_equal_row(mesh.vertices)]
-    shared = int(
-        (np.minimum(other, components.of_vertex) >= 0)[other != components.of_vertex].sum()
-    )
-    if not shared:
+def join_seams(mesh: Mesh) -> tuple[Mesh, IntArray]:
+    """Give boundary vertices at one position one vertex, as where a texture cut a surface open.
+
+    Returns the mesh, whose faces name the first of such vertices, and for each vertex (n,) the one
+    that they name instead: itself, except at seams.
+    """
+    number = np.arange(mesh.n_vertices)
+    if mesh.is_point_cloud or not count_repeats(mesh.vertices):
+        return mesh, number
+    edges = find_edges(proper_faces(mesh.faces), mesh.n_vertices)
+    boundary = np.unique(edges.ends[edges.n_faces == 1])
+    number[boundary] = boundary[first_equal_row(mesh.vertices[boundary])]
+    return Mesh(mesh.vertices, number[mesh.faces], name=mesh.name, notes=mesh.notes), number
+
+
+def describe_seams(number: IntArray, joined: bool = True) -> str:
+    """Say so if :func:`join_seams`, whose `number` is given, found some."""
+    n_doubled = int((number != np.arange(len(number))).sum())
+    if not n_doubled:
         return ""
-    verb = "is" if shared == 1 else "are"
-    return (
-        f"; {plural(shared, 'vertex')} {verb} where another component has one: merge such vertices "
-        "first if these are seams of one surface"
+    verb = "has" if n_doubled == 1 else "have"
+    return f"{plural(n_doubled, 'boundary vertex')} {verb} the position of another one: " + (
+        "the surface is joined there, as at the seams of a texture"
+        if joined
+        else "the surface is cut open there; merge them if it should be whole"
     )
 
 

@@ -84,7 +84,9 @@ def named(surface: Surface) -> Iterator[None]:
 def local_ids(surface: Surface, vertices: Any) -> IntArray:
     """Turn vertex ids of the whole mesh, at least one, into ids among the vertices in use."""
     kept = surface.prepared.kept
-    ids = vertex_ids(vertices, surface.prepared.n_original, surface.mesh.name)
+    ids = surface.prepared.number[
+        vertex_ids(vertices, len(surface.prepared.number), surface.mesh.name)
+    ]
     if not len(ids):
         raise InputError(f"{surface.mesh.name}: name at least one vertex")
     local = np.minimum(np.searchsorted(kept, ids), len(kept) - 1)
