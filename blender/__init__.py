@@ -4,15 +4,13 @@ All operators read original meshes, without modifiers and shape keys, in world c
 """
 
 import hashlib
-import re
-import warnings
 
 import bpy
 import numpy as np
 
 import unbend
 from unbend.alignment import procrustes
-from unbend.errors import UnbendError, UnbendWarning, heard
+from unbend.errors import UnbendError, heard, warn
 from unbend.report import match_colors
 
 from . import carry
@@ -27,17 +25,15 @@ def find_match(source, target, progress=None) -> unbend.Match:
     """Match two objects, or give the match again if neither changed since."""
     shapes = carry.to_mesh(source), carry.to_mesh(target)
     ours, theirs = carry.landmarks(source), carry.landmarks(target)
-    numbers = carry.welded(source)[1], carry.welded(target)[1]
-    names = [name for name in ours if name in theirs]
-    pairs = np.array([(numbers[0][ours[name]], numbers[1][theirs[name]]) for name in names])
+    pairs = {name: (ours[name], theirs[name]) for name in ours if name in theirs}
     parts = [part for one in shapes for part in (one.vertices, one.faces)]
-    shape = repr([part.shape for part in parts]).encode()
-    key = hashlib.sha256(shape + b"".join(part.tobytes() for part in (*parts, pairs))).digest()
+    shape = repr([pairs, *(part.shape for part in parts)]).encode()
+    key = hashlib.sha256(shape + b"".join(part.tobytes() for part in parts)).digest()
     if key not in _matches:
         with heard() as said:
             found = unbend.match(
                 *shapes,
-                landmarks=pairs if len(pairs) else None,
+                landmarks=pairs or None,
                 barycentric=True,
                 progress=progress,
             )
@@ -45,9 +41,8 @@ def find_match(source, target, progress=None) -> unbend.Match:
         if len(_matches) > _KEPT:
             del _matches[next(iter(_matches))]
     found, said = _matches[key]
-    for text in said:  # landmarks have names here, not rows
-        named = re.sub(r"\blandmark (\d+) \(.*?\)", lambda row: f'"{names[int(row[1])]}"', text)
-        warnings.warn(named, UnbendWarning, stacklevel=2)
+    for text in said:
+        warn(text)
     return found
 
 
@@ -126,12 +121,10 @@ class OBJECT_OT_unbend_match(_Operator, bpy.types.Operator):  # noqa: N801
             carry.check_changeable(one)
         found = self.matched(active, other, progress)
         colors = match_colors(carry.to_mesh(active), carry.to_mesh(other), found)
-        (first, ours), (_, theirs) = carry.welded(active), carry.welded(other)
         own = colors[0]  # grey is what none of the others has
         if self.painted is not None:
             own = np.where((found.source_to_target >= 0)[:, None], own, self.painted)
         self.painted = own
-        partners = np.where(found.target_to_source < 0, -1, first[found.target_to_source])
 
         def change():
             data = other.data
@@ -139,9 +132,9 @@ class OBJECT_OT_unbend_match(_Operator, bpy.types.Operator):  # noqa: N801
             if old is not None:
                 data.attributes.remove(old)
             new = data.attributes.new("unbend_partner", "INT", "POINT")
-            new.data.foreach_set("value", partners[theirs].astype(np.int32))
+            new.data.foreach_set("value", found.target_to_source.astype(np.int32))
             if self.paint:
-                for one, rgb in ((active, own[ours]), (other, colors[1][theirs])):
+                for one, rgb in ((active, own), (other, colors[1])):
                     rgba = np.column_stack([rgb / 255, np.ones(len(rgb))])
                     layer = carry.set_colors(one.data, "unbend_match", rgba, field="color_srgb")
                     one.data.color_attributes.active_color = layer
@@ -165,20 +158,14 @@ class OBJECT_OT_unbend_transfer(_Operator, bpy.types.Operator):  # noqa: N801
         carry.check_room(source, target, self.uvs, self.shape_keys)
         found = self.matched(source, target, progress)
         shapes = carry.to_mesh(source), carry.to_mesh(target)
-        (first, _), (_, number) = carry.welded(source), carry.welded(target)
 
         def take(values):
-            given = values[first]
-            carried = unbend.transfer(
-                given, found, kind="scalar", source=shapes[0], target=shapes[1]
-            )
-            return carried[number]
+            return unbend.transfer(values, found, kind="scalar", source=shapes[0], target=shapes[1])
 
         places = take(carry.to_world(source))
 
         def change():
-            with warnings.catch_warnings():  # those of this match are reported already
-                warnings.simplefilter("ignore", UnbendWarning)
+            with heard():  # those of this match are reported already
                 if self.vertex_groups and source.vertex_groups:
                     carry.carry_vertex_groups(source, target, take)
                 if self.uvs and source.data.uv_layers:
@@ -209,7 +196,7 @@ class OBJECT_OT_unbend_register(_Operator, bpy.types.Operator):  # noqa: N801
             new = bpy.data.objects.new(f"{template.name} on {scan.name}", data)
             new.shape_key_clear()
             new.matrix_world = template.matrix_world  # but for its shear, which needs a parent
-            places = result.mesh.vertices[carry.welded(template)[1]]
+            places = result.mesh.vertices
             data.vertices.foreach_set("co", carry.to_local(new.matrix_basis, places).ravel())
             data.update()
             own = [one for one in template.users_collection if one.library is None]
@@ -241,7 +228,7 @@ class OBJECT_OT_unbend_canonical(_Operator, bpy.types.Operator):  # noqa: N801
         places[known] = form @ turn.T + mesh.vertices[known].mean(axis=0)
 
         def change():
-            local = carry.to_local(thing.matrix_world, places[carry.welded(thing)[1]])
+            local = carry.to_local(thing.matrix_world, places)
             carry.set_shape_key(thing, "canonical", local).value = 1
 
         return change

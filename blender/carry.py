@@ -17,33 +17,24 @@ _FLAT = 1e-6  # volume of a unit cube that an object's matrix has made flat
 
 
 def to_mesh(thing) -> unbend.Mesh:
-    """Take an object's original mesh, without modifiers and shape keys, in world coordinates.
-
-    Vertices at one place are one.
-    """
-    first, number = welded(thing)
-    faces = number[_corners(thing.data)[0]]
+    """Take an object's original mesh, without modifiers and shape keys, in world coordinates."""
+    faces = _corners(thing.data)[0]
     matrix = np.array(thing.matrix_world)[:3, :3]
     volume = np.linalg.det(matrix)
     if abs(volume) <= _FLAT * np.linalg.norm(matrix, axis=0).prod():
         raise InputError(f"{thing.name}: its scale is zero along an axis; set another scale")
     if volume < 0:  # mirrored: turned inside out
         faces = faces[:, ::-1]
-    return unbend.Mesh(to_world(thing)[first], faces, name=thing.name)
-
-
-def welded(thing) -> tuple[np.ndarray, np.ndarray]:
-    """Give the first vertex at each place, and for each vertex which place it is at.
-
-    Imports cut meshes along the seams of their UV maps.
-    """
-    return np.unique(first_equal_row(_points(thing.data.vertices)), return_inverse=True)
+    return unbend.Mesh(to_world(thing), faces, name=thing.name)
 
 
 def to_world(thing) -> np.ndarray:
-    """Give the original vertices of an object in world coordinates."""
-    matrix = np.array(thing.matrix_world)
-    return _points(thing.data.vertices) @ matrix[:3, :3].T + matrix[:3, 3]
+    """Give the original vertices of an object in world coordinates.
+
+    Those at one place, as along the seams of a UV map, stay together to the last bit.
+    """
+    matrix, points = np.array(thing.matrix_world), _points(thing.data.vertices)
+    return (points @ matrix[:3, :3].T + matrix[:3, 3])[first_equal_row(points)]
 
 
 def to_local(matrix, places: np.ndarray) -> np.ndarray:
@@ -280,10 +271,9 @@ def _turns(places: np.ndarray, target) -> np.ndarray:
     """For each vertex of the target, how its neighbourhood on the source is turned and scaled."""
     edges = np.empty(2 * len(target.data.edges), dtype=np.int32)
     target.data.edges.foreach_get("vertices", edges)
-    first, number = welded(target)
+    number, stands = first_equal_row(_points(target.data.vertices)), to_world(target)
     edges = number[edges.reshape(-1, 2)]
     i, j = np.concatenate([edges, edges[:, ::-1]]).T
-    places, stands = places[first], to_world(target)[first]
     here, there = places[j] - places[i], stands[j] - stands[i]
     known = np.isfinite(here).all(axis=1)
     i, j, here, there = i[known], j[known], here[known], there[known]
