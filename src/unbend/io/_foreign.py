@@ -12,11 +12,10 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from unbend._text import plural
 from unbend._types import StrPath
 from unbend.errors import FileError, InputError, MissingExtraError
 from unbend.io.formats import gltf
-from unbend.io.formats.contents import NO_FACES, Contents, triangulate, weld
+from unbend.io.formats.contents import NO_FACES, Contents, triangulate
 from unbend.mesh import Mesh
 
 _GLTF = (".glb", ".gltf")
@@ -27,7 +26,6 @@ FREESURFER_VALUES = (".thickness", ".curv", ".sulc", ".annot")
 _NIBABEL = (".gii", *_FREESURFER, *FREESURFER_VALUES)
 _READ_BY_NIBABEL = ("read by nibabel",)
 _POINTSET, _TRIANGLE, _NODE_INDEX = 1008, 1009, 2002  # GIFTI's intents, numbered as in NIfTI
-_WORDS = {"color": "colours", "uv": "texture coordinates"}
 FOREIGN_SUFFIXES = (*_TRIMESH, *_MESHIO, *_NIBABEL)
 
 
@@ -221,7 +219,9 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
                 "without compression"
             )
         parts.append(part)
-        vertices.append(part.vertices @ placement[:3, :3].T + placement[:3, 3])
+        x, y, z = part.vertices.T[:, :, None]
+        a, b, c, shift = placement[:3].T
+        vertices.append(x * a + y * b + z * c + shift)  # not @, which rounds equal rows differently
         corners = np.asarray(getattr(part, "faces", NO_FACES)) + at
         faces.append(corners[:, ::-1] if np.linalg.det(placement[:3, :3]) < 0 else corners)
         at += len(part.vertices)
@@ -233,27 +233,10 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
         name: np.concatenate([one[name] for one in values])
         for name in set.intersection(*map(set, values))
     }
-    notes, several = ["read by trimesh", *left_out], {}
+    notes = ["read by trimesh", *left_out]
     if suffix == ".dae":
         notes.append("its vertices are numbered as trimesh reads them, not in the file's order")
-    if b'"generator":"unbend"' not in data:
-        # Others repeat a vertex for each of its texture coordinates, normals and materials.
-        kept, number = weld(places)
-        if len(kept) < len(number):
-            notes.append(
-                f"{plural(len(number), 'vertex')} welded into {len(kept):,} where their positions "
-                "are equal (the format repeats them at seams)"
-            )
-            corners = number[corners]
-            several = {
-                name: f"{plural(n, 'vertex')} with several {_WORDS[name]}, of which one is kept"
-                for name, array in shared.items()
-                if name in _WORDS
-                and (n := len(np.unique(number[(array[kept][number] != array).any(axis=1)])))
-            }
-            notes += several.values()
-            places, shared = places[kept], {name: a[kept] for name, a in shared.items()}
-    return Contents(places, corners, tuple(notes), lambda: shared, several)
+    return Contents(places, corners, tuple(notes), lambda: shared)
 
 
 def _values(part: Any, linear: bool) -> dict[str, npt.NDArray[Any]]:

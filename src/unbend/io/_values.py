@@ -109,11 +109,6 @@ def read_named_values(
     with prefixed(path.name):
         if of_mesh:
             values, names = _of_mesh(given.values(), name, path)
-            if names == _UV and "uv" in given.several:
-                warn(
-                    f"{path.name}: {given.several['uv']}; a texture is wrong around them: turn it "
-                    "into colours of vertices, and carry these"
-                )
         elif suffix == ".npy":
             values, names = read_array(given), []
         else:

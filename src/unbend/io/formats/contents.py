@@ -5,8 +5,8 @@ Readers raise FileError and MeshError without the file's name; :mod:`unbend.io` 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from itertools import chain, pairwise
 from typing import Any
 
@@ -21,17 +21,12 @@ from unbend.errors import FileError, MeshError
 
 @dataclass(frozen=True, eq=False)
 class Contents:
-    """What a reader found: positions, triangles, what it did to get them, and values by name.
-
-    `several` has those of the notes that tell, by the name of values, how many vertices had several
-    of them.
-    """
+    """What a reader found: positions, triangles, what it did to get them, and values by name."""
 
     vertices: FloatArray
     faces: IntArray
     notes: tuple[str, ...] = ()
     values: Callable[[], dict[str, npt.NDArray[Any]]] = dict
-    several: Mapping[str, str] = field(default_factory=dict)
 
 
 _ROUNDING = 1e-6  # share of a polygon's area that a triangle may be turned against it

@@ -16,6 +16,7 @@ from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError
 from unbend.mesh import Mesh
 from unbend.mesh.decimation import decimate
+from unbend.preparation import join_seams
 
 MOST_VERTICES = 60_000
 # Positions are exact to 2^-14 of the longest side, a fraction of a pixel on any screen.
@@ -69,14 +70,15 @@ class Shown(NamedTuple):
 
 def show(mesh: Mesh, most: int = MOST_VERTICES) -> Shown:
     """Choose what is shown of a mesh with faces: about `most` vertices or fewer."""
-    ids, corners = np.unique(mesh.faces, return_inverse=True)
+    joined, number = join_seams(mesh)
+    ids, corners = np.unique(joined.faces, return_inverse=True)
     faces, parents = corners.reshape(-1, 3).astype(np.int64), np.arange(len(ids))
     kept = np.arange(len(ids))
     if len(ids) > most:
         kept, faces, parents = decimate(snap(mesh.vertices[ids]), faces, most)
     stand_ins = np.full(mesh.n_vertices, -1)
     stand_ins[ids] = parents
-    return Shown(mesh, ids[kept], faces, stand_ins)
+    return Shown(mesh, ids[kept], faces, stand_ins[number])
 
 
 def checked_landmarks(
