@@ -91,9 +91,14 @@ def test_a_registered_obj_keeps_its_lines(folder: Path) -> None:
 
 def test_what_a_file_of_another_program_loses_is_said(folder: Path) -> None:
     pytest.importorskip("trimesh")
-    write_mesh("a.glb", SOURCE)
-    done = right("register", "a.glb", "b.ply", "--map", "map.npy", "-o", "out.ply")
+    write_mesh("a.glb", SOURCE, uvs=SOURCE.vertices[:, :2])
+    done = right("morph", "a.glb", "b.ply", "--map", "map.npy", "-o", "out.ply")
     assert "note: out.ply does not keep anything but the shape of a.glb\n" in done.stderr
+    done = right("morph", "a.glb", "b.ply", "--map", "map.npy", "-o", "out.glb")
+    kept = "all that a.glb has, with new positions and normals"
+    assert f"note: out.glb has {kept}\n" in done.stderr
+    uvs = read_values("out.glb", name="uv")
+    np.testing.assert_allclose(uvs, SOURCE.vertices[:, :2], atol=1e-6)
 
 
 def test_morph_names_the_files_that_it_writes(folder: Path) -> None:

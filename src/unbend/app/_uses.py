@@ -156,11 +156,11 @@ def register(work: Work) -> Result:
     found = correspondence.register(source, target, work.read_map(), progress=work.progress)
     stem = "-on-".join(work.stems)
     for suffix in (".ply", ".obj", ".glb"):
-        keeps = suffix == ".obj" == Path(work.paths[0]).suffix.lower()
+        keeps = io.keeps_all(stem + suffix, work.paths[0])
         about = "coloured by the distance from the second shape"
         path = work.new_file(stem + suffix, "with the texture of the first" if keeps else about)
         # Once saved, it is not in our folder: it names materials as the file of the first does.
-        like = shutil.copy(work.paths[0], work.folder / "like.obj") if keeps else None
+        like = shutil.copy(work.paths[0], work.folder / f"like{suffix}") if keeps else None
         correspondence.write_registration(path, found, like=like)
     covered = f"{found.coverage:.1%} of the area, within {found.tolerance:.3g}"
     looks: Any = {"label": f"distance from {target.name}", "up": work.up}

@@ -60,13 +60,14 @@ def say(kind: str, sentence: str) -> None:
         typer.echo(f"{kind}: {printable(sentence)}", err=True)
 
 
-def lines_to_keep(out: str, original: str, *, whole: bool = True, moved: bool = True) -> str | None:
-    """Give the OBJ file whose lines an OBJ file keeps, if any; say what of the original is lost.
+def what_to_keep(out: str, original: str, *, whole: bool = True, moved: bool = True) -> str | None:
+    """Give the file of which an OBJ or GLB file keeps all but positions, if any; say what is lost.
 
     `whole` says that `out` gets all faces of the original, and `moved` that they are elsewhere.
     """
     held = unbend.io.file_extras(original)
-    if whole and out.lower().endswith(".obj") and original.lower().endswith(".obj"):
+    keeps = whole and unbend.io.keeps_all(out, original)
+    if keeps and out.lower().endswith(".obj"):
         kept = ", with new positions of used vertices" if moved else ""
         if moved and "normals" in held:
             kept += "; its normals are recomputed, or left out where unlike faces share one"
@@ -74,6 +75,9 @@ def lines_to_keep(out: str, original: str, *, whole: bool = True, moved: bool = 
         if "materials" in held and len(folders) == 2:
             kept += f"; its materials stay in the folder of {original}"
         say("note", f"{out} has all lines of {original}{kept}")
+        return original
+    if keeps and moved:
+        say("note", f"{out} has all that {original} has, with new positions and normals")
         return original
     if held:
         say("note", f"{out} does not keep {', '.join(held)} of {original}")

@@ -48,7 +48,7 @@ def canonical(
     the form, else .ply or .npy; those that cannot be used are listed, with exit code 1.
 
       out: Where to write the form: .ply, .off, .obj, .glb or .vtp with the mesh's faces (dimension
-          3; from .obj to .obj texture, materials, groups and polygons stay), .npy or .csv (any
+          3; from .obj to .obj or .glb to .glb, textures and all else stay), .npy or .csv (any
           dimension). For several meshes, a folder.
       figure: Draw the shape beside its form, in the same colours (.png, .pdf, .svg).
       report: Write a page to look at the form in a browser, beside the shape.
@@ -168,7 +168,7 @@ def _write(out: str, path: str, shape: unbend.Mesh, points: FloatArray) -> None:
     # Faces outside the chosen component have lost their vertices: no viewer could draw them.
     there = np.isfinite(points.sum(axis=1))
     faces = shape.faces if there.all() else shape.faces[there[shape.faces].all(axis=1)]
-    like = output.lines_to_keep(out, path, whole=len(faces) == shape.n_faces)
+    like = output.what_to_keep(out, path, whole=len(faces) == shape.n_faces)
     unbend.write_mesh(out, unbend.Mesh(points, faces), like=like)
 
 

@@ -10,7 +10,7 @@ import unbend
 from unbend.choices import Axis, DistanceKind, LaplacianKind
 from unbend.cli import _options as options
 from unbend.cli._input import read_shapes
-from unbend.cli._output import lines_to_keep, progress, rows, tell
+from unbend.cli._output import progress, rows, tell, what_to_keep
 from unbend.errors import InputError
 
 
@@ -73,7 +73,7 @@ def distance(
     )
     names = [f"distance_{source}" for source in sources]
     if out is not None and out.lower().endswith(unbend.io.SCALAR_SUFFIXES):
-        lines_to_keep(out, mesh)
+        what_to_keep(out, mesh)
         unbend.write_mesh(out, shape, scalars=dict(zip(names, field, strict=True)))
     elif out is not None:
         unbend.io.write_values(out, field.T, shape, names=names)

@@ -119,7 +119,7 @@ def match(
         colors = unbend.report.match_colors(shapes[0], shapes[1], found)
         for i, original in enumerate((source, target)):
             whole = component is None
-            like = output.lines_to_keep(colored[i], original, whole=whole, moved=False)
+            like = output.what_to_keep(colored[i], original, whole=whole, moved=False)
             unbend.write_mesh(colored[i], shapes[i], colors=colors[i], like=like)
     inputs.show_match(shapes, found, figure, report, up=up, truth=known, landmarks=hints)
     output.warn_if_doubtful(found, seen=report is not None)

@@ -43,7 +43,7 @@ def morph(
     shapes = read_shapes((source, target), component)
     match = read_or_match(shapes, matching)
     told = output.numbered(out, "*") if steps > 1 else out
-    like = output.lines_to_keep(told, source, whole=component is None)
+    like = output.what_to_keep(told, source, whole=component is None)
     for i, file in enumerate(files):
         output.progress("morphing", i / steps)
         between = unbend.morph(shapes[0], shapes[1], match, (i + 1) / (steps + 1))

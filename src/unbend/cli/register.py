@@ -39,8 +39,8 @@ def register(
       scans: The meshes to fit it to, or folders of them.
       out: The fitted template: .ply, .obj, .glb or .vtp, coloured by the distance of each vertex
           from the scan, yellow where it does not reach it (.ply and .vtp have the distances too);
-          .off or .stl. From .obj to .obj only positions change: texture, materials, groups and
-          polygons stay. For several scans, or a folder of them, a folder.
+          .off or .stl. From .obj to .obj or .glb to .glb, textures and all else stay, and only
+          positions change. For several scans, or a folder of them, a folder.
       report: Write a page for a browser: the template, coloured by distance, beside the scan.
 
     $ unbend register template.ply scan.ply -o fitted.ply
@@ -72,7 +72,7 @@ def register(
     match = read_or_match(shapes, matching)
     found = unbend.register(shapes[0], shapes[1], match, progress=output.progress)
     output.progress("writing", 0)
-    like = output.lines_to_keep(out, template, whole=component is None)
+    like = output.what_to_keep(out, template, whole=component is None)
     unbend.correspondence.write_registration(out, found, like=like)
     if report is not None:
         covered = f"{found.coverage:.1%} of the template's area, within {found.tolerance:.3g}"
@@ -104,7 +104,7 @@ def tell_registered(
 ) -> None:
     """Tell how registering many shapes went, the least confident last, where they are seen."""
     if done.shapes and os.path.exists(template):  # not a shape of a collection by its id
-        output.lines_to_keep(os.path.join(out, f"*{Path(done.shapes[0].file).suffix}"), template)
+        output.what_to_keep(os.path.join(out, f"*{Path(done.shapes[0].file).suffix}"), template)
     lines = [("shape", "confidence", "covered", "mean distance", "95 % within", "")]
     for one in sorted(done.shapes, key=lambda one: -one.confidence):
         numbers = f"{one.confidence:.2f}", f"{one.coverage:.1%}"

@@ -88,7 +88,7 @@ def transfer(
         carried = unbend.transfer(array, found, kind=chosen, source=a, target=b)
         is_mesh = out.lower().endswith(io.COLOR_SUFFIXES)
         whole = component is None and chosen != "uv"
-        like = output.lines_to_keep(out, target, whole=whole, moved=False) if is_mesh else None
+        like = output.what_to_keep(out, target, whole=whole, moved=False) if is_mesh else None
         stored, written = carried, chosen
         if is_mesh and chosen == "label" and names[:1] == ["color_0"]:  # painted labels
             stored, written = np.where(carried < 0, 128, carried).astype(np.uint8), "color"

@@ -33,6 +33,7 @@ from unbend.io._writing import (
     COLOR_SUFFIXES,
     SCALAR_SUFFIXES,
     WRITE_SUFFIXES,
+    keeps_all,
     moved_obj,
     write_mesh,
 )
@@ -55,6 +56,7 @@ __all__ = [
     "counted_from_zero",
     "file_extras",
     "invert_map",
+    "keeps_all",
     "moved_obj",
     "prefixed",
     "read_bytes",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Protocol, TypeAlias
@@ -12,7 +12,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from unbend._types import StrPath
+from unbend._types import FloatArray, StrPath
 from unbend.errors import FileError, InputError, MissingExtraError
 from unbend.io.formats import gltf
 from unbend.io.formats.contents import NO_FACES, Contents, triangulate
@@ -208,11 +208,7 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
     scene = trimesh.load_scene(io.BytesIO(given), file_type=suffix[1:], process=False)
     parts = []
     vertices, faces, at = [np.empty((0, 3))], [NO_FACES], 0
-    for node in scene.graph.nodes_geometry:
-        placement, name = scene.graph[node]
-        part = scene.geometry[name]
-        if hasattr(part, "entities"):  # lines
-            continue
+    for part, placement, _ in _placed(scene):
         if gltf.DRACO.encode() in data and not part.vertices.any():  # trimesh goes on without them
             raise FileError(
                 "its Draco data could not be decoded (trimesh 5.1 can, if they are whole); save it "
@@ -237,6 +233,32 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
     if suffix == ".dae":
         notes.append("its vertices are numbered as trimesh reads them, not in the file's order")
     return Contents(places, corners, tuple(notes), lambda: shared)
+
+
+def _placed(scene: Any) -> Iterator[tuple[Any, FloatArray, int]]:
+    """Parts of a scene but for lines, the matrix of each, and its number in the file."""
+    names = [*scene.geometry]
+    for node in scene.graph.nodes_geometry:
+        placement, name = scene.graph[node]
+        if not hasattr(scene.geometry[name], "entities"):  # lines
+            yield scene.geometry[name], placement, names.index(name)
+
+
+def moved_glb(data: bytes, vertices: FloatArray, mesh: Mesh) -> bytes:
+    """Give the bytes of a .glb file, whose vertices were read, with the positions of a mesh."""
+    import trimesh
+
+    if what := gltf.unmovable(data):
+        raise FileError(f"it has {what}, so that nothing but its shape can be kept")
+    given = io.BytesIO(gltf.readable(".glb", data)[0])
+    places, at = {}, 0
+    for part, placement, number in _placed(
+        trimesh.load_scene(given, file_type="glb", process=False)
+    ):
+        places[number] = slice(at, at + len(part.vertices)), placement
+        at += len(part.vertices)
+    in_order = [places[number] for number in sorted(places)]
+    return gltf.move(data, in_order, vertices, mesh.vertices, mesh.faces)
 
 
 def _values(part: Any, linear: bool) -> dict[str, npt.NDArray[Any]]:

@@ -16,8 +16,8 @@ from unbend._text import plural
 from unbend._types import FloatArray, StrPath
 from unbend.errors import FileError, InputError, warn
 from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes
-from unbend.io._foreign import MeshLike
-from unbend.io._meshes import as_mesh
+from unbend.io._foreign import MeshLike, moved_glb
+from unbend.io._meshes import as_mesh, read_contents
 from unbend.io.formats import gltf, obj, off, ply, points, stl, vtp
 from unbend.mesh import Mesh
 
@@ -68,11 +68,12 @@ def write_mesh(
     uvs : (n, 2) array_like of float, optional
         Texture coordinates per vertex. PLY (as properties s and t), OBJ, GLB and VTP only.
     like : path, optional
-        An OBJ file that the mesh was read from. All its lines are kept (texture coordinates,
-        materials, groups, polygons); only positions are replaced, and, if any moved, normals
-        recomputed from the faces that share them, or left out where these now face elsewhere.
-        Names of material files are given relative to the new file; no file is copied. OBJ only,
-        without `uvs`.
+        An OBJ or GLB file that the mesh was read from, to write the same format, without `uvs`.
+        All it holds is kept (texture coordinates, materials, groups, polygons); only positions
+        are replaced, and, if any moved, normals recomputed from the faces that share them. Those
+        of an OBJ file are left out where these now face elsewhere, and names of its material
+        files are given relative to the new file; no file is copied. A GLB file takes no `colors`,
+        and must not have bones, morph targets or compression.
 
     Raises
     ------
@@ -118,8 +119,10 @@ def write_mesh(
         if array.shape != (mesh.n_vertices, 2) or not np.isfinite(array).all():
             raise InputError(f"uvs must be finite numbers of shape ({mesh.n_vertices}, 2)")
     if like is not None:
-        if uvs is not None or suffix != ".obj":
-            raise InputError("like keeps the lines of an OBJ file: write .obj, and give no uvs")
+        if uvs is not None or suffix not in (".obj", ".glb"):
+            raise InputError("like keeps what an OBJ or GLB file holds: write one, and give no uvs")
+        if suffix == ".glb" and colors is not None:
+            raise InputError("like keeps the looks of a GLB file: give no colors")
         data = _rewritten(Path(like), path, mesh, extras.get("colors"))
     if suffix in _SINGLE_SUFFIXES and mesh.n_vertices:
         _check_rounding(path, mesh)
@@ -147,17 +150,28 @@ def _check_rounding(path: Path, mesh: Mesh) -> None:
 
 
 def _rewritten(like: Path, path: Path, mesh: Mesh, colors: npt.NDArray[np.uint8] | None) -> bytes:
-    """Give the lines of the OBJ file `like` with the positions of a mesh that came from it."""
-    data = read_bytes(like, (".obj",))
+    """Give what the file `like` holds, with the positions of a mesh that came from it."""
+    data = read_bytes(like, (path.suffix.lower(),))
+    contents = read_contents(like)
     with prefixed(like.name):
-        contents = obj.read(data)
         if len(contents.vertices) != mesh.n_vertices or not np.array_equal(
             contents.faces, mesh.faces
         ):
-            raise FileError("has other vertices or faces than the mesh; its lines cannot be kept")
+            raise FileError("has other vertices or faces than the mesh; nothing of it can be kept")
+        if path.suffix.lower() == ".glb":
+            return moved_glb(data, contents.vertices, mesh)
         moved = not np.array_equal(contents.vertices, mesh.vertices, equal_nan=True)
         folder = _way(path.parent, like.parent)
         return obj.rewrite(data, mesh.vertices, colors, folder, normals=moved)
+
+
+def keeps_all(path: StrPath, original: StrPath) -> bool:
+    """Whether a mesh, read from a file, can be written with all else that the file holds."""
+    path, original = Path(path), Path(original)
+    suffix = original.suffix.lower()
+    if suffix != path.suffix.lower() or suffix not in (".obj", ".glb"):
+        return False
+    return suffix == ".obj" or not gltf.unmovable(read_bytes(original, ()))
 
 
 def moved_obj(path: StrPath, folder: StrPath) -> bytes:

@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 import trimesh
 
+from sheets import cut_along_seam
 from unbend import Mesh, write_mesh
 from unbend.errors import FileError, InputError, UnbendWarning
-from unbend.io import read_mesh, read_values
+from unbend.io import keeps_all, read_mesh, read_values
 from unbend.io._foreign import _values
+from unbend.mesh import vertex_normals
 
 QUAD = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype="<f4")
 FACES = np.array([[0, 1, 2], [0, 2, 3]], dtype="<u4")
@@ -69,7 +71,10 @@ def changed(where: str, value: Any) -> dict[str, Any]:
     *ways, last = where.split("/")
     for way in ways:
         part = part[int(way) if way.isdecimal() else way]
-    part[last] = value
+    if last.isdecimal():
+        part.insert(int(last), value)
+    else:
+        part[last] = value
     return given
 
 
@@ -242,6 +247,78 @@ def test_positions_faces_and_colours_come_back(blob: Mesh, tmp_path: Path) -> No
     shares = colors / 255
     light = np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)
     np.testing.assert_allclose(back.visual.vertex_attributes["color"], light, atol=1e-6)
+
+
+def test_a_file_written_like_another_has_all_but_positions_and_normals(
+    blob: Mesh, tmp_path: Path
+) -> None:
+    """Of two parts, one has a texture and is placed by the scene, and the other a sharp edge."""
+    cut, seam = cut_along_seam(blob)
+    uvs = np.random.default_rng(0).random((cut.n_vertices, 2))
+    image = pytest.importorskip("PIL.Image").new("RGB", (2, 2), (9, 99, 200))
+    placement = trimesh.transformations.compose_matrix(
+        [3] * 3, angles=[1, 2, 3], translate=[4, 5, 6]
+    )
+    fold = QUAD[FACES.ravel()] + np.eye(6)[:, 3:] * [0, 0, 1]
+    scene = trimesh.Scene()
+    smooth = vertex_normals(blob.vertices, blob.faces)
+    smooth = np.concatenate([smooth, smooth[seam]])
+    body = trimesh.Trimesh(cut.vertices, cut.faces, vertex_normals=smooth, process=False)
+    body.visual = trimesh.visual.TextureVisuals(uv=uvs, image=image)
+    scene.add_geometry(body, transform=placement)
+    scene.add_geometry(trimesh.Trimesh(fold, [[0, 1, 2], [3, 4, 5]], process=False))
+    before, after = tmp_path / "a.glb", tmp_path / "b.glb"
+    scene.export(before, include_normals=True)
+    mesh = read_mesh(before)
+    moved = Mesh(mesh.vertices[:, [1, 2, 0]] * [3, 2, 2] + 1, mesh.faces)
+    assert keeps_all(after, before)
+    write_mesh(after, moved, like=before)
+    back = read_mesh(after)
+    np.testing.assert_allclose(back.vertices, moved.vertices, atol=1e-4)
+    np.testing.assert_array_equal(back.faces, moved.faces)
+    body, fold = trimesh.load_scene(after, process=False).geometry.values()
+    np.testing.assert_allclose(body.visual.uv, uvs, atol=1e-6)
+    assert body.visual.material.baseColorTexture.getpixel((0, 0)) == (9, 99, 200)
+    smooth = vertex_normals(body.vertices[: blob.n_vertices], blob.faces)
+    expected = np.concatenate([smooth, smooth[seam]])
+    np.testing.assert_allclose(body.vertex_normals, expected, atol=1e-5)
+    np.testing.assert_allclose(fold.vertex_normals, fold.face_normals.repeat(3, axis=0), atol=1e-5)
+    document, _ = parts(after)
+    keys = document["meshes"][0]["primitives"][0]["attributes"]
+    for name, rows in (("POSITION", body.vertices), ("NORMAL", body.vertex_normals)):
+        bounds = document["accessors"][keys[name]]
+        np.testing.assert_allclose(bounds["min"], rows.min(axis=0), atol=1e-6)
+        np.testing.assert_allclose(bounds["max"], rows.max(axis=0), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("where", "value"),
+    [
+        ("nodes/0/skin", 0),
+        ("nodes/1", {"mesh": 0}),
+        ("meshes/0/primitives/0/targets", [{}]),
+        ("meshes/0/primitives/1", {"attributes": {"POSITION": 0}}),
+        ("meshes/0/primitives/0/mode", 1),
+        ("accessors/0/componentType", 5123),
+        ("extensionsUsed", ["KHR_draco_mesh_compression"]),
+    ],
+)
+def test_of_other_files_only_the_shape_is_kept(tmp_path: Path, where: str, value: Any) -> None:
+    path = tmp_path / "a.glb"
+    write(path, document())
+    assert keeps_all("b.glb", path)
+    assert not keeps_all("b.obj", path)
+    write(path, changed(where, value))
+    assert not keeps_all("b.glb", path)
+
+
+def test_colours_are_not_written_like_another_file(blob: Mesh, tmp_path: Path) -> None:
+    write_mesh(tmp_path / "a.glb", blob)
+    for extras in ({"colors": np.zeros((642, 3), int)}, {"uvs": np.zeros((642, 2))}):
+        with pytest.raises(InputError, match="like keeps"):
+            write_mesh(tmp_path / "b.glb", blob, like=tmp_path / "a.glb", **extras)
+    with pytest.raises(FileError, match=r"a\.glb: has other vertices or faces than the mesh"):
+        write_mesh(tmp_path / "b.glb", Mesh(blob.vertices, blob.faces[1:]), like=tmp_path / "a.glb")
 
 
 def test_texture_coordinates_count_from_the_top(blob: Mesh, tmp_path: Path) -> None:

@@ -12,12 +12,14 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
+from unbend._arrays import first_equal_row, unit_vectors
 from unbend._types import FloatArray, IntArray
 from unbend.errors import FileError
+from unbend.mesh import vertex_normals
 
 # As the specification numbers them.
 _UNSIGNED_SHORT, _UNSIGNED_INT, _FLOAT = 5123, 5125, 5126
-_POINTS, _TRIANGLES, _FAN = 0, 4, 6
+_POINTS, _LINES, _TRIANGLES, _FAN = 0, (1, 2, 3), 4, 6
 _VERTICES, _INDICES = 34962, 34963
 # Extensions that matter to looks, and one that allows whole numbers as positions.
 _HARMLESS = re.compile(r"[A-Z]+_(materials|texture|lights|animation|xmp)_\w+|KHR_mesh_quantization")
@@ -91,6 +93,79 @@ def write(
     }
     file.write(_beginning(document, 8 + len(data)))
     file.write(struct.pack("<I4s", len(data), b"BIN\0") + data)
+
+
+def unmovable(data: bytes) -> str:
+    """Name what a .glb file has, so that :func:`move` cannot move its vertices, or nothing."""
+    document = _document(data)[0]
+    primitives, accessors = _primitives(document), document.get("accessors", [])
+    keys = [one["attributes"]["POSITION"] for one in primitives]
+    views = [document["bufferViews"][accessors[key].get("bufferView", 0)] for key in keys]
+    placed = sorted(one["mesh"] for one in document.get("nodes", []) if "mesh" in one)
+    found = (
+        (any("skin" in one for one in document.get("nodes", [])), "bones"),
+        (any("targets" in one for one in primitives), "morph targets"),
+        (DRACO in document.get("extensionsUsed", []), "compression"),
+        (any(accessors[key]["componentType"] != _FLOAT for key in keys), "whole numbers"),
+        (any("uri" in document["buffers"][one["buffer"]] for one in views), "other files"),
+        (any(one.get("mode", _TRIANGLES) in _LINES for one in primitives), "lines"),
+        (len({*keys}) < len(keys), "parts that share their vertices"),
+        (placed != [*range(len(document["meshes"]))], "copies of parts, or parts of no scene"),
+    )
+    return next((what for is_so, what in found if is_so), "")
+
+
+def move(
+    data: bytes,
+    places: list[tuple[slice, FloatArray]],
+    before: FloatArray,
+    vertices: FloatArray,
+    faces: IntArray,
+) -> bytes:
+    """Move the vertices of a .glb file, and turn their normals; everything else stays.
+
+    `places` has for each part its rows among the vertices and the matrix (4, 4) that places it.
+    """
+    document, rest = _document(data)
+    accessors, primitives = document["accessors"], _primitives(document)
+
+    def column(key: int) -> npt.NDArray[np.float32]:
+        accessor = accessors[key]
+        view = document["bufferViews"][accessor["bufferView"]]
+        start = 8 + view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+        strides = view.get("byteStride", 12), 4
+        return np.ndarray((accessor["count"], 3), "<f4", rest, start, strides)
+
+    vertices = np.nan_to_num(vertices)  # of vertices in no face
+    turned = np.zeros_like(vertices)
+    for one, (rows, _) in zip(primitives, places, strict=True):
+        one["attributes"].pop("TANGENT", None)
+        key = one["attributes"].get("NORMAL")
+        if key is not None and accessors[key]["componentType"] != _FLOAT:
+            del one["attributes"]["NORMAL"]
+        elif key is not None:
+            turned[rows] = column(key)
+    # Vertices at one position had one normal at a seam, and unlike ones at a sharp edge.
+    number = first_equal_row(np.column_stack([before, turned]))
+    turned = vertex_normals(vertices, number[faces])[number]
+    for one, (rows, placement) in zip(primitives, places, strict=True):
+        values, turn = one["attributes"], placement[:3, :3]
+        columns = {
+            "POSITION": (vertices[rows] - placement[:3, 3]) @ np.linalg.inv(turn).T,
+            "NORMAL": unit_vectors(turned[rows] @ turn),
+        }
+        for name in columns.keys() & values.keys():
+            stored = column(values[name])
+            stored[:] = columns[name]
+            bounds = {"min": stored.min(axis=0).tolist(), "max": stored.max(axis=0).tolist()}
+            accessors[values[name]] |= bounds
+    return _beginning(document, len(rest)) + rest
+
+
+def _document(data: bytes) -> tuple[dict[str, Any], bytearray]:
+    """Give the document of a .glb file, and the bytes behind it."""
+    size = int.from_bytes(data[12:16], "little")
+    return json.loads(data[20 : 20 + size]), bytearray(data[20 + size :])
 
 
 def _beginning(document: dict[str, Any], more: int) -> bytes:
