@@ -207,14 +207,7 @@ CASES: dict[str, Callable[[Case], Iterator[Any]]] = {
 
 
 # These keep a mesh cut open along its seams.
-LITERAL = (
-    "laplacian",
-    "spectrum, interpolate",
-    "descriptor and measures",
-    "write_mesh",
-    "pages",
-    "figures",
-)
+LITERAL = "laplacian", "spectrum, interpolate", "descriptor and measures", "write_mesh", "figures"
 
 
 @pytest.fixture(scope="module")

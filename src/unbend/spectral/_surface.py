@@ -84,13 +84,12 @@ def named(surface: Surface) -> Iterator[None]:
 def local_ids(surface: Surface, vertices: Any) -> IntArray:
     """Turn vertex ids of the whole mesh, at least one, into ids among the vertices in use."""
     kept = surface.prepared.kept
-    ids = surface.prepared.number[
-        vertex_ids(vertices, len(surface.prepared.number), surface.mesh.name)
-    ]
+    ids = vertex_ids(vertices, len(surface.prepared.number), surface.mesh.name)
     if not len(ids):
         raise InputError(f"{surface.mesh.name}: name at least one vertex")
-    local = np.minimum(np.searchsorted(kept, ids), len(kept) - 1)
-    unused = kept[local] != ids
+    joined = surface.prepared.number[ids]
+    local = np.minimum(np.searchsorted(kept, joined), len(kept) - 1)
+    unused = kept[local] != joined
     if unused.any():
         raise InputError(
             f"{surface.mesh.name}: vertex {ids[unused][0]} is not part of the surface; "
