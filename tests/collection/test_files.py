@@ -3,6 +3,8 @@
 import hashlib
 import os
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -74,6 +76,23 @@ def test_links_to_folders_are_followed_once(folder: Path) -> None:
     (folder / "deep" / "far").symlink_to(folder / "far")
     (folder / "deep" / "up").symlink_to(folder / "deep")
     assert found("deep") == ["deep/d.off", "deep/er/c.stl", "deep/far/g.ply"]
+
+
+def test_a_folder_that_cannot_be_read_is_told(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def closed(path: str, do: Callable[[str], object]) -> object:
+        if os.path.basename(path) == "er":
+            raise PermissionError(13, "Permission denied", path)
+        return do(path)
+
+    for name in ("scandir", "listdir"):
+        monkeypatch.setattr(os, name, partial(closed, do=getattr(os, name)))
+    inside = os.path.join("deep", "er")
+    assert found("deep") == ["deep/d.off", inside]
+    assert found(inside) == [inside]
+    ((_, failures),) = hashed(find_files(["deep"]))
+    assert failures == [Failure(inside, "it cannot be read: Permission denied")]
 
 
 def test_a_folder_without_any_mesh_is_refused(folder: Path) -> None:

@@ -10,7 +10,7 @@ import os
 import re
 import stat
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -37,20 +37,22 @@ def find_files(given: Sequence[str]) -> Iterator[str]:
     """Paths of files, of the meshes in and below folders, and of files matching patterns.
 
     Hidden files are left out of folders, and so is what registration wrote, unless a given folder
-    has nothing else. A name that is none of these comes back, too. Raises FileError if a folder
-    holds no mesh.
+    has nothing else. A name that is none of these comes back, too, and so does a folder that cannot
+    be read. Raises FileError if a folder holds no mesh.
     """
     for one in given:
         for match in matches(one):
             if not os.path.isdir(match):
                 yield match
                 continue
-            inside = _walk(match)
+            closed: list[OSError] = []
+            inside = _walk(match, onerror=closed.append)
             first = list(itertools.islice(inside, 1))
-            if match == one and not first:
+            if match == one and not (first or closed):
                 known = f"{', '.join(_SUFFIXES[:-1])} or {_SUFFIXES[-1]}"
                 raise FileError(f"cannot read {one}: it is a folder without {known} files")
             yield from itertools.chain(first, inside)
+            yield from (error.filename for error in closed)
 
 
 def matches(pattern: str) -> Iterator[str]:
@@ -73,9 +75,13 @@ def warn_of_others(given: Iterable[str]) -> None:
             warn(f"{folder}: left out {kinds}; name them to add them, as in {quoted(example)}")
 
 
-def _walk(folder: str, suffixes: tuple[str, ...] = _SUFFIXES) -> Iterator[str]:
+def _walk(
+    folder: str,
+    suffixes: tuple[str, ...] = _SUFFIXES,
+    onerror: Callable[[OSError], object] | None = None,
+) -> Iterator[str]:
     seen: set[str] = set()
-    for here, folders, files in os.walk(folder, followlinks=True):
+    for here, folders, files in os.walk(folder, onerror=onerror, followlinks=True):
         if (place := os.path.realpath(here)) in seen:  # links may lead round in circles
             folders.clear()
             continue
@@ -109,6 +115,8 @@ def hashed(paths: Iterator[str]) -> Iterator[tuple[list[File], list[Failure]]]:
 def _hash(path: str) -> File | Failure:
     try:
         path.encode()
+        if os.path.isdir(path):
+            os.listdir(path)  # tells why a folder cannot be read
         if not stat.S_ISREG(os.stat(path).st_mode):  # a pipe may never end, nor a device
             return Failure(path, "it is not a regular file")
         with open(path, "rb") as file:
