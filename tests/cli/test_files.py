@@ -203,7 +203,11 @@ def test_landmarks_are_carried_and_lead_a_match(folder: Path) -> None:
     for more in (["--kind", "label"], ["--property", "heat"]):
         done = invoke([*given, "--map", "map.npy", *more])
         assert done.exit_code == 2
-        assert "landmarks have no --kind or --property" in done.stderr
+        assert "a.mrk.json is read as landmarks, which have no --kind" in done.stderr
+    Path("weights.json").write_text("{}")
+    done = invoke(["transfer", "a.ply", "b.ply", "--values", "weights.json", "-o", "w.csv"])
+    assert done.exit_code == 2
+    assert "w.csv: weights.json is read as landmarks, which go into a .mrk.json" in done.stderr
     np.savetxt("points.csv", SOURCE.vertices[[3, 500]], delimiter=",")
     right(
         "transfer", "a.ply", "b.ply", "--values", "points.csv", "-o", "c.json", "--map", "map.npy"

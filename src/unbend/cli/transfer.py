@@ -55,12 +55,20 @@ def transfer(
     io = unbend.io
     # A table holds points if landmarks shall be written: values never are in .json files.
     is_markup = any(path.lower().endswith(io.MARKUP_SUFFIXES) for path in (values, out))
+    if is_markup and not out.lower().endswith(".json"):
+        raise InputError(
+            f"cannot write {out}: {values} is read as landmarks, which go into a .mrk.json file; "
+            "give other values in a .npy, .csv or .txt file"
+        )
     io.check_writable(out, (".json",) if is_markup else io.VALUE_SUFFIXES + io.COLOR_SUFFIXES)
     shapes = a, b = read_shapes((source, target), component)
     chosen: Any = "landmarks"
     if is_markup:
         if kind != "auto" or property_name is not None:
-            raise InputError("landmarks have no --kind or --property; leave them out")
+            raise InputError(
+                f"{values} is read as landmarks, which have no --kind or --property; leave them "
+                "out, or give and write other values in a .npy, .csv or .txt file"
+            )
         labels, array = io.read_markups(values, a)
     else:
         array, names = io.read_named_values(values, n_vertices=a.n_vertices, name=property_name)
