@@ -23,6 +23,7 @@ from unbend.collection import (
     register_files,
 )
 from unbend.errors import FileError, InputError, UnbendWarning
+from unbend.io import read_values
 
 TEMPLATE = make_blob(2)
 N = TEMPLATE.n_vertices
@@ -353,10 +354,13 @@ def test_shapes_may_be_in_the_folder_that_is_written_to(own: tuple[Collection, P
 
 
 def test_the_template_in_the_folder_that_is_written_to_is_never_a_shape(tmp_path: Path) -> None:
-    for name in ("template.ply", "scan.ply"):
+    for name in ("template.vtp", "scan.ply"):
         write_mesh(tmp_path / name, TEMPLATE)
-    given = [str(tmp_path)], str(tmp_path / "template.ply"), str(tmp_path)
+    given = [str(tmp_path)], str(tmp_path / "template.vtp"), str(tmp_path)
     done = register_files(*given)
+    (shape,) = done.shapes
+    distance = read_values(tmp_path / shape.file, name="distance").mean()
+    assert (shape.file[-4:], distance) == (".vtp", pytest.approx(shape.mean_distance))
     assert [(one.path, one.also) for one in done.shapes] == [(str(tmp_path / "scan.ply"), ())]
     assert register_files(*given).shapes == done.shapes
 

@@ -40,7 +40,8 @@ from unbend.matching import check_partial, landmark_pairs, match, prepare_spectr
 from unbend.mesh import Mesh
 
 _TABLE = "shapes.csv"
-_KEPT_FORMATS = (".ply", ".obj", ".off")  # others do not keep the order of vertices, or all digits
+# Others do not keep the order of vertices, or all digits.
+_KEPT_FORMATS = (".ply", ".obj", ".off", ".vtp")
 _DAMAGED = (OSError, ValueError, KeyError, BadZipFile)  # what reading them may raise
 _FIELDS = ("distances", "covered", "coverage", "tolerance", "confidence")
 _NONE = np.empty((0, 2), dtype=np.int64)  # landmarks
