@@ -274,8 +274,8 @@ def check_values(values: npt.ArrayLike, mesh: Mesh) -> FloatArray:
     array = numbers_of(values, "values")
     if array.shape != (mesh.n_vertices,):
         raise InputError(
-            f"{mesh.name} has {plural(mesh.n_vertices, 'vertex')}, but values have shape "
-            f"{array.shape}"
+            f"{mesh.name} needs one number for each of {plural(mesh.n_vertices, 'vertex')}, but "
+            f"values have shape {array.shape}"
         )
     drawn = np.full(mesh.n_vertices, np.nan)
     drawn[mesh.faces] = array[mesh.faces]

@@ -39,8 +39,12 @@ def test_what_does_not_fit_is_refused(blob: Mesh, tmp_path: Path) -> None:
         view(Mesh(blob.vertices[:99]))
     with pytest.raises(InputError, match="up must be"):
         view(blob, up="w")
-    for values in (np.zeros(5), np.zeros((642, 2)), np.full(642, np.nan)):
-        with pytest.raises(InputError, match="values"):
+    for values, told in (
+        (np.zeros(5), "one number for each of 642 vertices"),
+        (np.zeros((642, 2)), "one number for each of 642 vertices"),
+        (np.full(642, np.nan), "none of the values"),
+    ):
+        with pytest.raises(InputError, match=told):
             view(blob, values=values)
     loose = Mesh(np.vstack([blob.vertices, [[9, 9, 9]]]), blob.faces, name="loose")
     for wrong in ([(0, 642)], [(0, -1)], [(0, 700)]):
