@@ -35,8 +35,8 @@ WRITE_SUFFIXES = tuple(_WRITERS)
 # Formats whose writers take colours and texture coordinates, and those that take any values.
 COLOR_SUFFIXES = (".ply", ".obj", ".glb", ".vtp")
 SCALAR_SUFFIXES = (".ply", ".vtp")
-# Names that values cannot have there, the last two beside colours.
-TAKEN = (*"xyz", "red", "green", "blue", "color", "colors")
+# Names that values cannot have there, the last beside colours.
+TAKEN = (*"xyz", "red", "green", "blue", "color")
 _SINGLE_SUFFIXES = (".stl", ".glb")  # hold positions in single precision
 
 
@@ -109,7 +109,7 @@ def write_mesh(
         raise InputError(".stl files hold triangles only; write points as .ply or .xyz")
     extras: dict[str, Any] = {}
     if scalars:
-        taken = [*(TAKEN if colors is not None else TAKEN[:-2])]
+        taken = [*(TAKEN if colors is not None else TAKEN[:-1])]
         taken += ["s", "t", "uv"] if uvs is not None else []
         extras["scalars"] = _scalars(scalars, mesh.n_vertices, taken)
     if colors is not None:

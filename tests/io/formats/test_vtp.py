@@ -41,7 +41,7 @@ def test_arrays_come_back(blob: Mesh, tmp_path: Path, points: bool) -> None:
         "offsets": ends[:, None],
         "heat": scalars["heat"][:, None],
         "cold": scalars["cold"][:, None],
-        "colors": colors,
+        "color": colors,
         "uv": uvs,
     }
     assert found.keys() == expected.keys()
@@ -50,7 +50,7 @@ def test_arrays_come_back(blob: Mesh, tmp_path: Path, points: bool) -> None:
     back = read_mesh(tmp_path / "a.vtp")
     np.testing.assert_array_equal(back.vertices, mesh.vertices)
     np.testing.assert_array_equal(back.faces, mesh.faces)
-    for name in ("heat", "cold", "colors"):
+    for name in ("heat", "cold", "color"):
         np.testing.assert_array_equal(
             read_values(tmp_path / "a.vtp", name=name), found[name].squeeze()
         )

@@ -162,7 +162,7 @@ def write(
     """Write positions and point data in double precision; a point cloud has a vertex cell each."""
     point_data = [_array(name, values) for name, values in (scalars or {}).items()]
     if colors is not None:
-        point_data.append(_array("colors", colors))
+        point_data.append(_array("color", colors))
     if uvs is not None:
         point_data.append(_array("uv", uvs))
     coordinates = "" if uvs is None else ' TCoords="uv"'
