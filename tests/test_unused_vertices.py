@@ -206,8 +206,15 @@ CASES: dict[str, Callable[[Case], Iterator[Any]]] = {
 }
 
 
-# These keep a mesh cut open along its seams.
-LITERAL = "laplacian", "spectrum, interpolate", "descriptor and measures", "write_mesh", "figures"
+# These keep a mesh cut open along its seams, or fit what they draw by all vertices.
+LITERAL = (
+    "laplacian",
+    "spectrum, interpolate",
+    "descriptor and measures",
+    "write_mesh",
+    "pages",
+    "figures",
+)
 
 
 @pytest.fixture(scope="module")

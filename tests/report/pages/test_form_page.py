@@ -1,16 +1,19 @@
 """The form page tells of the form; its distances are the library's, but for what it leaves out."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from sheets import cut_along_seam
 from unbend import Mesh, canonical_form, distance
 from unbend.datasets import make_sphere
 from unbend.errors import InputError
 from unbend.report import form_page
 from unbend.report.pages._form_page import _embedding
+from unbend.report.pages._shown import show
 
 
 def test_straight_in_the_embedding_is_the_truncated_distance(blob: Mesh) -> None:
@@ -39,6 +42,21 @@ def test_the_page_tells_of_the_form(blob: Mesh) -> None:
     assert "component 0 of 2 was kept" in text
     assert f"<td>{form.eigenvalues[1]:.5g}</td>" in text
     assert text.count("<circle") == 61
+
+
+def test_a_surface_is_drawn_and_computed_on_without_its_seams(blob: Mesh) -> None:
+    cut, seam = cut_along_seam(blob)
+    shown = show(cut)
+    np.testing.assert_array_equal(shown.faces, blob.faces)
+    np.testing.assert_array_equal(shown.ids, np.arange(642))
+    np.testing.assert_array_equal(shown.stand_ins, [*range(642), *seam])
+    with pytest.warns(match="the surface is joined there"):
+        form = canonical_form(cut)
+    spectra = [
+        re.findall("<circle.*?>", form_page(mesh, one).html)
+        for mesh, one in ((cut, form), (blob, canonical_form(blob)))
+    ]
+    assert spectra[0] == spectra[1]
 
 
 def test_the_scale_that_was_kept_is_no_part_of_distances(blob: Mesh) -> None:

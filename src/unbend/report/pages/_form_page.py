@@ -14,6 +14,7 @@ from unbend.distances import spectral_filter
 from unbend.errors import heard
 from unbend.io import MeshLike
 from unbend.mesh import Mesh
+from unbend.preparation import join_seams
 from unbend.report.figures import drawable
 from unbend.report.pages import _document as parts
 from unbend.report.pages._document import Page
@@ -89,7 +90,8 @@ def form_page(
     values, embedding = _embedding(mesh, form, inside)
     # Length in the form of a biharmonic distance of 1.
     unit = float(np.sqrt(form.area)) if keep_scale else 1.0
-    exact = float(np.ptp(embedding[inside])) / _STEPS
+    embedding = embedding[shown.ids]
+    exact = float(np.ptp(embedding[inside[shown.ids]])) / _STEPS
     return parts.make_page(
         f"{mesh.name}, canonical form",
         f"{form.method} {form.distance} form of {int(inside.sum()):,} vertices; "
@@ -113,7 +115,7 @@ def form_page(
             "shape": shown.packed() | {"known": pack_whole(inside[shown.ids])},
             "form": shown.moved(turned_to_fit(form.points, mesh)),
             "surface": surface,
-            "embedding": pack_places(embedding[shown.ids], exact),
+            "embedding": pack_places(embedding, exact),
             "unit": unit if form.distance == "biharmonic" else None,
         },
         ["form.js"],
@@ -125,6 +127,7 @@ def form_page(
 def _embedding(mesh: Mesh, form: CanonicalForm, inside: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Eigenvalues at unit area, and eigenfunctions whose Euclidean distances are biharmonic."""
     part = Mesh(mesh.vertices, mesh.faces[inside[mesh.faces].all(axis=1)], name=mesh.name)
+    part = join_seams(part)[0]
     with heard():  # canonical_form has warned already
         count = min(_N_EIGENPAIRS + 1, int(inside.sum()) // 2)
         found = spectrum(part, count, laplacian=form.laplacian)  # type: ignore[arg-type]
