@@ -381,18 +381,18 @@ def test_points_on_lines_are_refused(points):
 
 
 @pytest.mark.parametrize(
-    "points",
+    "make",
     [
-        np.random.default_rng(0).random((1000, 3)),
-        make_random_sphere(2000) * np.random.default_rng(0).normal(1, 0.03, (2000, 1)),
-        make_biped(n_vertices=500).mesh.vertices,
+        lambda: np.random.default_rng(0).random((1000, 3)),
+        lambda: make_random_sphere(2000) * np.random.default_rng(0).normal(1, 0.03, (2000, 1)),
+        lambda: make_biped(n_vertices=500).mesh.vertices,
     ],
 )
-def test_points_that_show_no_surface_are_warned_of(points):
+def test_points_that_show_no_surface_are_warned_of(make):
     with pytest.warns(
         UnbendWarning, match=r"^dust: neighbouring points disagree about [2-6]\d% of"
     ):
-        laplacian(Mesh(points, name="dust"))
+        laplacian(Mesh(make(), name="dust"))
 
 
 def test_a_triangle_counts_wholly_where_its_corners_agree():
