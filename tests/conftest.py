@@ -1,5 +1,6 @@
 """What the tests share: where the real shapes are, and a few surfaces of our own."""
 
+import functools
 import gc
 import os
 from collections.abc import Iterator
@@ -11,7 +12,7 @@ from hypothesis import settings
 
 from sheets import make_blob
 from unbend import Mesh
-from unbend.datasets import make_sphere
+from unbend.datasets import make_sphere, shape
 from unbend.report import new_figure
 from unbend.spectral import use_cache
 
@@ -40,6 +41,14 @@ def pytest_collection_finish() -> None:
 def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
     """Keep the tests out of the user's cache."""
     os.environ["UNBEND_CACHE_DIR"] = str(tmp_path_factory.mktemp("cache"))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _bodies_made_once() -> Iterator[None]:
+    """Keep every body at rest, not the last few: meshing one takes longer than most tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(shape, "_rest_body", functools.cache(shape._rest_body.__wrapped__))
+        yield
 
 
 @pytest.fixture(scope="module", autouse=True)
