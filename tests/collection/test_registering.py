@@ -353,14 +353,22 @@ def test_shapes_may_be_in_the_folder_that_is_written_to(own: tuple[Collection, P
         register_files([str(out)], str(out / "template.obj"), str(out))
 
 
-def test_the_template_in_the_folder_that_is_written_to_is_never_a_shape(tmp_path: Path) -> None:
-    for name in ("template.vtp", "scan.ply"):
-        write_mesh(tmp_path / name, TEMPLATE)
-    given = [str(tmp_path)], str(tmp_path / "template.vtp"), str(tmp_path)
+@pytest.mark.parametrize("suffix", [".vtp", ".glb"])
+def test_the_template_in_the_folder_that_is_written_to_is_never_a_shape(
+    tmp_path: Path, suffix: str
+) -> None:
+    uvs = TEMPLATE.vertices[:, :2]
+    write_mesh(tmp_path / f"template{suffix}", TEMPLATE, uvs=uvs)
+    write_mesh(tmp_path / "scan.ply", TEMPLATE)
+    given = [str(tmp_path / "*.*")], str(tmp_path / f"template{suffix}"), str(tmp_path)
     done = register_files(*given)
     (shape,) = done.shapes
-    distance = read_values(tmp_path / shape.file, name="distance").mean()
-    assert (shape.file[-4:], distance) == (".vtp", pytest.approx(shape.mean_distance))
+    assert shape.file.endswith(suffix)
+    if suffix == ".vtp":
+        distance = read_values(tmp_path / shape.file, name="distance").mean()
+        assert distance == pytest.approx(shape.mean_distance)
+    else:
+        np.testing.assert_allclose(read_values(tmp_path / shape.file, name="uv"), uvs, atol=1e-6)
     assert [(one.path, one.also) for one in done.shapes] == [(str(tmp_path / "scan.ply"), ())]
     assert register_files(*given).shapes == done.shapes
 

@@ -35,13 +35,20 @@ from unbend.collection._rows import Entry, Failure, Registered, RegisteredShape
 from unbend.collection._store import Store, check_outside
 from unbend.correspondence import Registration, check_template, register, write_registration
 from unbend.errors import FileError, InputError, file_errors, heard, warn
-from unbend.io import atomic_write, moved_obj, read_bytes, read_mesh, read_table, write_table
+from unbend.io import (
+    atomic_write,
+    keeps_all,
+    moved_obj,
+    read_bytes,
+    read_mesh,
+    read_table,
+    write_table,
+)
 from unbend.matching import check_partial, landmark_pairs, match, prepare_spectrum
 from unbend.mesh import Mesh
 
 _TABLE = "shapes.csv"
-# Others do not keep the order of vertices, or all digits.
-_KEPT_FORMATS = (".ply", ".obj", ".off", ".vtp")
+_KEPT_FORMATS = (".ply", ".obj", ".off", ".vtp", ".glb")  # .stl does not keep the order of vertices
 _DAMAGED = (OSError, ValueError, KeyError, BadZipFile)  # what reading them may raise
 _FIELDS = ("distances", "covered", "coverage", "tolerance", "confidence")
 _NONE = np.empty((0, 2), dtype=np.int64)  # landmarks
@@ -234,8 +241,8 @@ def register_shape(task: Task) -> list[str]:
     ours, own = f"{template.name}: ", f"{scan.name}: "
     # What is to be said of the template was told once, before.
     told = [one.removeprefix(own) for one in said if ours == own or not one.startswith(ours)]
-    keeps_lines = task.mesh.suffix.lower() == ".obj"  # texture, materials, groups, polygons
-    write_registration(task.mesh, found, like=task.template if keeps_lines else None)
+    like = task.template if keeps_all(task.mesh, task.template) else None
+    write_registration(task.mesh, found, like=like)
     fields: dict[str, Any] = {name: getattr(found, name) for name in _FIELDS}
     fields |= {"landmarks": task.landmarks, "partial": np.array(task.partial)}
     fields["warnings"] = np.array(told, dtype=np.str_)
