@@ -248,8 +248,11 @@ def moved_glb(data: bytes, vertices: FloatArray, mesh: Mesh) -> bytes:
     """Give the bytes of a .glb file, whose vertices were read, with the positions of a mesh."""
     import trimesh
 
-    if what := gltf.unmovable(data):
-        raise FileError(f"it has {what}, so that nothing but its shape can be kept")
+    if not gltf.is_movable(data):
+        raise FileError(
+            "nothing but its shape can be kept, because of bones, morph targets, compression, "
+            "lines or copies of parts"
+        )
     given = io.BytesIO(gltf.readable(".glb", data)[0])
     places, at = {}, 0
     for part, placement, number in _placed(

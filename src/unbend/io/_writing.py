@@ -171,7 +171,7 @@ def keeps_all(path: StrPath, original: StrPath) -> bool:
     suffix = original.suffix.lower()
     if suffix != path.suffix.lower() or suffix not in (".obj", ".glb"):
         return False
-    return suffix == ".obj" or not gltf.unmovable(read_bytes(original, ()))
+    return suffix == ".obj" or gltf.is_movable(read_bytes(original, ()))
 
 
 def moved_obj(path: StrPath, folder: StrPath) -> bytes:

@@ -310,6 +310,16 @@ def test_of_other_files_only_the_shape_is_kept(tmp_path: Path, where: str, value
     assert not keeps_all("b.obj", path)
     write(path, changed(where, value))
     assert not keeps_all("b.glb", path)
+    with pytest.raises(FileError, match=r"^a\.glb: "):
+        write_mesh(tmp_path / "b.glb", (QUAD, FACES), like=path)
+
+
+def test_normals_that_are_no_floats_are_left_out(tmp_path: Path) -> None:
+    write(tmp_path / "a.glb", changed("meshes/0/primitives/0/attributes/NORMAL", 2))
+    write_mesh(tmp_path / "b.glb", (2 * QUAD, FACES), like=tmp_path / "a.glb")
+    (primitive,) = parts(tmp_path / "b.glb")[0]["meshes"][0]["primitives"]
+    assert primitive["attributes"] == {"POSITION": 0}
+    np.testing.assert_array_equal(read_mesh(tmp_path / "b.glb").vertices, 2 * QUAD)
 
 
 def test_colours_are_not_written_like_another_file(blob: Mesh, tmp_path: Path) -> None:

@@ -95,24 +95,25 @@ def write(
     file.write(struct.pack("<I4s", len(data), b"BIN\0") + data)
 
 
-def unmovable(data: bytes) -> str:
-    """Name what a .glb file has, so that :func:`move` cannot move its vertices, or nothing."""
+def is_movable(data: bytes) -> bool:
+    """Whether :func:`move` can move the vertices of a .glb file.
+
+    Not if it has bones, morph targets, compression, lines, parts that share vertices, or copies.
+    """
     document = _document(data)[0]
-    primitives, accessors = _primitives(document), document.get("accessors", [])
-    keys = [one["attributes"]["POSITION"] for one in primitives]
-    views = [document["bufferViews"][accessors[key].get("bufferView", 0)] for key in keys]
-    placed = sorted(one["mesh"] for one in document.get("nodes", []) if "mesh" in one)
-    found = (
-        (any("skin" in one for one in document.get("nodes", [])), "bones"),
-        (any("targets" in one for one in primitives), "morph targets"),
-        (DRACO in document.get("extensionsUsed", []), "compression"),
-        (any(accessors[key]["componentType"] != _FLOAT for key in keys), "whole numbers"),
-        (any("uri" in document["buffers"][one["buffer"]] for one in views), "other files"),
-        (any(one.get("mode", _TRIANGLES) in _LINES for one in primitives), "lines"),
-        (len({*keys}) < len(keys), "parts that share their vertices"),
-        (placed != [*range(len(document["meshes"]))], "copies of parts, or parts of no scene"),
+    primitives, nodes = _primitives(document), document.get("nodes", [])
+    places = [document["accessors"][one["attributes"]["POSITION"]] for one in primitives]
+    return (
+        all("skin" not in one for one in nodes)
+        and all("targets" not in one for one in primitives)
+        and all(one.get("mode", _TRIANGLES) not in _LINES for one in primitives)
+        and DRACO not in document.get("extensionsUsed", [])
+        and ["uri" in one for one in document.get("buffers", [])] == [False]
+        and all("bufferView" in one and one["componentType"] == _FLOAT for one in places)
+        and len({id(one) for one in places}) == len(places)
+        and sorted(one["mesh"] for one in nodes if "mesh" in one)
+        == [*range(len(document["meshes"]))]
     )
-    return next((what for is_so, what in found if is_so), "")
 
 
 def move(
@@ -141,10 +142,12 @@ def move(
     for one, (rows, _) in zip(primitives, places, strict=True):
         one["attributes"].pop("TANGENT", None)
         key = one["attributes"].get("NORMAL")
-        if key is not None and accessors[key]["componentType"] != _FLOAT:
-            del one["attributes"]["NORMAL"]
-        elif key is not None:
+        if key is None:
+            continue
+        if accessors[key]["componentType"] == _FLOAT and "bufferView" in accessors[key]:
             turned[rows] = column(key)
+        else:
+            del one["attributes"]["NORMAL"]
     # Vertices at one position had one normal at a seam, and unlike ones at a sharp edge.
     number = first_equal_row(np.column_stack([before, turned]))
     turned = vertex_normals(vertices, number[faces])[number]
