@@ -63,7 +63,7 @@ def evaluate(
         mean, median, auc = found.mean(name), found.median(name), found.auc(name)
         curve = found.curve(name)
         cells.append([name, f"{mean:.4f}", f"{median:.4f}", f"{auc:.3f}"])
-        cells[-1] += [f"{curve[i]:.1f} %" for i in columns]
+        cells[-1] += [f"{curve[i]:.1f}%" for i in columns]
         measures = {"mean": mean, "median": median, "auc": auc, "curve": curve}
         protocols[name] = {"n_rows": len(found.errors(name)), **measures}
     told = {"map": map_file, "target": target, "distance": distance, "n_rows": len(found.direct)}

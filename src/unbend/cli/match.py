@@ -225,6 +225,6 @@ def summary(shapes: list[unbend.Mesh], found: unbend.Match, seconds: float) -> d
         median, high = found.expected_error_quantiles()
         told["errors"] = (
             f"expected up to {median:.1%} of the size (square root of the area) at half of the "
-            f"vertices, {high:.1%} at 95 %"
+            f"vertices, {high:.1%} at 95%"
         )
     return told

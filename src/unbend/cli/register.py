@@ -105,7 +105,7 @@ def tell_registered(
     """Tell how registering many shapes went, the least confident last, where they are seen."""
     if done.shapes and os.path.exists(template):  # not a shape of a collection by its id
         output.what_to_keep(os.path.join(out, f"*{Path(done.shapes[0].file).suffix}"), template)
-    lines = [("shape", "confidence", "covered", "mean distance", "95 % within", "")]
+    lines = [("shape", "confidence", "covered", "mean distance", "95% within", "")]
     for one in sorted(done.shapes, key=lambda one: -one.confidence):
         numbers = f"{one.confidence:.2f}", f"{one.coverage:.1%}"
         distances = f"{one.mean_distance:.3g}", f"{one.distance_95:.3g}"
@@ -161,6 +161,6 @@ def _numbers(
 
 def _in_words(spread: dict[str, float]) -> str:
     return (
-        f"mean {spread['mean']:.3g}, 95 % within {spread['within_95']:.3g} "
+        f"mean {spread['mean']:.3g}, 95% within {spread['within_95']:.3g} "
         f"({spread['mean_relative']:.2g} and {spread['within_95_relative']:.2g} of sqrt(area))"
     )

@@ -112,7 +112,7 @@ class Evaluation(Brief):
     def _repr_html_(self) -> str:
         rows = []
         for name in ["direct"] + ["map-min", "vertex-min"] * (self.map_min is not None):
-            shares = [f"{self.curve(name)[i]:.1f} %" for i in _SHOWN]
+            shares = [f"{self.curve(name)[i]:.1f}%" for i in _SHOWN]
             rows.append((name, f"{self.mean(name):.4f}", f"{self.median(name):.4f}", *shares))
         within = [f"within {THRESHOLDS[i]:g}" for i in _SHOWN]
         return table(rows, ("protocol", "mean error", "median", *within))

@@ -228,9 +228,7 @@ def curve_svg(x: FloatArray, curves: Sequence[tuple[str, FloatArray]], x_label: 
         line = "L".join(f"{left:.1f},{down:.1f}" for left, down in spots)
         kind = "curve other" if i else "curve"
         marks.append(f'<path class="{kind}" d="M{line}"><title>{escape(name)}</title></path>')
-        facts.append(
-            f"{name}: {values[k]:.1f} % within {x[k]:g}, {values[-1]:.1f} % within {most:g}"
-        )
+        facts.append(f"{name}: {values[k]:.1f}% within {x[k]:g}, {values[-1]:.1f}% within {most:g}")
     return _plot(marks, most, 100.0, x_label, "points within it, %", "; ".join(facts))
 
 

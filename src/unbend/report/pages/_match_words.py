@@ -173,7 +173,7 @@ def facts(
     if match.expected_error is not None:
         median, high = match.expected_error_quantiles()
         told = (
-            f"up to {median:.3f} at half of the vertices, {high:.3f} at 95 % (in square roots of "
+            f"up to {median:.3f} at half of the vertices, {high:.3f} at 95% (in square roots of "
             f"the target's area; coloured from 0 to {WORST:g} and more)"
         )
         rows.append(("expected error", told))
