@@ -523,6 +523,10 @@ def test_a_lost_context_is_replaced_by_another_or_a_sentence(page) -> None:
     page.drag(page.middle("#shape-0", 0.9, 0.9), 60, 0)
     assert "Reload" in page.run("part('trouble').textContent")
     assert page.run("!part('trouble').hidden")
+    page.run("part('shape-0').style.width = '200px'")  # the picture stays in any size
+    page.settle()
+    page.run("part('shape-0').style.width = ''")
+    page.settle()
     assert changed(before, page.picture("#shape-0")) < 0.01
 
 

@@ -128,9 +128,9 @@ class View {
   paintInto(canvas, ratio, moving = false) {
     const width = Math.round(this.canvas.clientWidth * ratio);
     const height = Math.round(this.canvas.clientHeight * ratio);
+    const { canvas: from } = openStage(), context = canvas.getContext("2d");
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
     if (!width || !height) return;
-    const { canvas: from } = openStage(), context = canvas.getContext("2d");
     if (from.width < width) from.width = width;
     if (from.height < height) from.height = height;
     this.render(stage, width, height, ratio, moving);
