@@ -174,6 +174,7 @@ def test_a_finger_places_turns_and_drags(page) -> None:
             fingers = [{"x": x - 80 * i, "y": y - up, "id": i} for i in range(2)]
             page.call("Input.dispatchTouchEvent", type=kind, touchPoints=fingers)
         page.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+        page.settle()
         shift, zoom = page.run("[View.all[0].camera.y, View.all[0].camera.zoom]")
         assert shift == pytest.approx(2 * 40 / page.run("part('shape-0').clientHeight"), rel=0.05)
         assert zoom == pytest.approx(1, rel=0.05)
