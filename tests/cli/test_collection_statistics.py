@@ -109,8 +109,7 @@ def test_register_lists_all_shapes_and_what_to_do(registered):
         "covered",
         "mean",
         "distance",
-        "95",
-        "%",
+        "95%",
         "within",
     ]
     assert lines[4].split()[0] == str(lost)

@@ -170,6 +170,7 @@ def test_what_was_found_opens_beside_what_was_looked_for(browser, search_html, s
     browser.click(*browser.middle(".card[data-shape='2']"))
     assert chosen(browser) == ["dog", "giraffe"]
     assert browser.run(READOUT) == "dog \u2194 giraffe: distance 0.3000"
+    browser.settle()
     assert shaded(browser.picture("#second")) > 0.02
     browser.click(*browser.middle(".card[data-shape='4']"))
     assert chosen(browser)[1] == "points: nothing to draw"
