@@ -95,12 +95,8 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
         return Mesh(source.vertices, source.faces, name=name)
     whole, number = join_seams(source)
     part, kept, _ = restrict(whole, number == np.arange(len(number)))
-    start, faces, goal, number = (
-        part.vertices,
-        part.faces,
-        goal[kept],
-        np.searchsorted(kept, number),
-    )
+    start, faces = part.vertices, part.faces
+    goal, number = goal[kept], np.searchsorted(kept, number)
     moving = np.asarray(np.isfinite(np.hstack([goal, start])).all(axis=1))
     if moving.sum() < 3:
         raise InputError("fewer than 3 vertices of the source have an image: nothing to morph")

@@ -129,10 +129,10 @@ def positions_on_target(
     match has them. Raises InputError if the match does not fit the meshes, or its barycentric
     coordinates do not sum to one.
     """
-    images, number = as_point_map(match, source, target), join_seams(target)[1]
+    images = as_point_map(match, source, target)
     positions = np.where(images[:, None] >= 0, target.vertices[images], np.nan)
     if isinstance(match, Match) and match.faces is not None and match.weights is not None:
-        there = match.faces >= 0
+        there, number = match.faces >= 0, join_seams(target)[1]
         named = match.faces[there]
         if (
             named.max(initial=-1) >= target.n_faces

@@ -217,7 +217,7 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
         parts.append(part)
         x, y, z = part.vertices.T[:, :, None]
         a, b, c, shift = placement[:3].T
-        vertices.append(x * a + y * b + z * c + shift)  # not @, which rounds equal rows differently
+        vertices.append(x * a + y * b + z * c + shift)  # @ may round equal rows differently
         corners = np.asarray(getattr(part, "faces", NO_FACES)) + at
         faces.append(corners[:, ::-1] if np.linalg.det(placement[:3, :3]) < 0 else corners)
         at += len(part.vertices)

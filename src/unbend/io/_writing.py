@@ -16,8 +16,8 @@ from unbend._text import plural
 from unbend._types import FloatArray, StrPath
 from unbend.errors import FileError, InputError, warn
 from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes
-from unbend.io._foreign import MeshLike, moved_glb
-from unbend.io._meshes import as_mesh, read_contents
+from unbend.io._foreign import MeshLike, moved_glb, read_foreign
+from unbend.io._meshes import as_mesh
 from unbend.io.formats import gltf, obj, off, ply, points, stl, vtp
 from unbend.mesh import Mesh
 
@@ -151,14 +151,15 @@ def _check_rounding(path: Path, mesh: Mesh) -> None:
 
 def _rewritten(like: Path, path: Path, mesh: Mesh, colors: npt.NDArray[np.uint8] | None) -> bytes:
     """Give what the file `like` holds, with the positions of a mesh that came from it."""
-    data = read_bytes(like, (path.suffix.lower(),))
-    contents = read_contents(like)
+    suffix = path.suffix.lower()
+    data = read_bytes(like, (suffix,))
     with prefixed(like.name):
+        contents = read_foreign(like, data) if suffix == ".glb" else obj.read(data)
         if len(contents.vertices) != mesh.n_vertices or not np.array_equal(
             contents.faces, mesh.faces
         ):
             raise FileError("has other vertices or faces than the mesh; nothing of it can be kept")
-        if path.suffix.lower() == ".glb":
+        if suffix == ".glb":
             return moved_glb(data, contents.vertices, mesh)
         moved = not np.array_equal(contents.vertices, mesh.vertices, equal_nan=True)
         folder = _way(path.parent, like.parent)
