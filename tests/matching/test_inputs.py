@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sheets import cut_along_seam
 from unbend import Mesh, match
 from unbend.datasets import make_sphere
-from unbend.errors import InputError, MeshError, UnbendWarning
+from unbend.errors import InputError, MeshError, UnbendWarning, heard
 from unbend.matching import _inputs
 from unbend.matching._inputs import expand, expand_rows, prepare_shape, prepare_shapes
 from unbend.mesh import vertex_areas
@@ -60,6 +61,16 @@ def test_every_vertex_in_use_has_one_that_stands_for_it() -> None:
     apart = np.linalg.norm(np.diff(found.shape.vertices, axis=0), axis=1)
     before = np.linalg.norm(np.diff(large.vertices, axis=0), axis=1)
     np.testing.assert_allclose(apart / before, apart[0] / before[0])
+
+
+@pytest.mark.parametrize("cut", [False, True])
+def test_what_is_done_to_a_shape_is_told(blob: Mesh, cut: bool) -> None:
+    mesh = cut_along_seam(blob)[0] if cut else blob
+    mesh = Mesh(mesh.vertices, np.concatenate([mesh.faces, [[3, 3, 5]]]), name="blob")
+    with heard() as said:
+        prepare_shape(mesh, 10)
+    assert said[-1] == "blob: 1 face left out, for naming a vertex twice"
+    assert [one.endswith("seams of a texture") for one in said[:-1]] == [True] * cut
 
 
 @pytest.mark.parametrize(

@@ -114,9 +114,7 @@ def _check(mesh: Mesh) -> _Checked:
     if mesh.is_point_cloud:
         return _check_points(mesh)
     joined, number = join_seams(mesh)
-    if seams := describe_seams(number):
-        warn(f"{mesh.name}: {seams}")
-    largest, kept, own_faces = _largest(joined, number)
+    largest, kept, own_faces = _largest(mesh, joined, number)
     surface = make_surface(largest)
     kept = kept[surface.prepared.kept]
     own_faces = own_faces[surface.prepared.kept_faces]
@@ -182,17 +180,16 @@ def expand_rows(rows: Any, source: Input, missing: float) -> Any:
     return full
 
 
-def _largest(mesh: Mesh, number: IntArray) -> tuple[Mesh, IntArray, IntArray]:
-    """Take the largest component, its vertices and its faces; say so if there are more.
-
-    Of the mesh, seams are joined; `number` says which vertices went.
-    """
-    components = find_components(mesh.faces, mesh.n_vertices)
+def _largest(mesh: Mesh, joined: Mesh, number: IntArray) -> tuple[Mesh, IntArray, IntArray]:
+    """Take the largest component, its vertices and its faces; say so if there are more."""
+    components = find_components(joined.faces, mesh.n_vertices)
     n_others = len(components.n_vertices) - 1
     if n_others < 1:
-        return restrict(mesh, number == np.arange(mesh.n_vertices))
+        return mesh, np.arange(mesh.n_vertices), np.arange(mesh.n_faces)
+    if seams := describe_seams(number):
+        warn(f"{mesh.name}: {seams}")
     choice = ""
-    if wider := wider_component(mesh):
+    if wider := wider_component(joined):
         choice = (
             f"; component {wider} has over twice its area: if that is the body, match it instead"
         )
@@ -201,10 +198,9 @@ def _largest(mesh: Mesh, number: IntArray) -> tuple[Mesh, IntArray, IntArray]:
     warn(
         f"{mesh.name}: its largest component is matched, {components.n_vertices[0]:,} of "
         f"{plural(mesh.n_vertices, 'vertex')}; {plural(n_others, 'smaller component')} "
-        f"{'takes' if n_others == 1 else 'take'} the partners of the nearest vertices there"
-        f"{choice}"
+        f"{'takes' if n_others == 1 else 'take'} the partners of the nearest vertices there{choice}"
     )
-    return restrict(mesh, components.of_vertex == 0)
+    return restrict(joined, components.of_vertex == 0)
 
 
 def wider_component(mesh: Mesh) -> int:
