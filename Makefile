@@ -8,8 +8,8 @@ BIN := .venv/bin
 WORKERS = $(shell $(BIN)/python -c "from unbend._parallel import n_cores; print(n_cores() + 1)")
 PYTEST = PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS) --dist worksteal
 
-.PHONY: app demo reproduce quick test test-kernels coverage test-browser browser test-portable test-matrix fuzz mutants \
-	lint format bench docs blender clean
+.PHONY: app demo reproduce quick test test-kernels coverage test-browser browser test-portable test-matrix test-blender fuzz \
+	mutants lint format bench docs blender clean
 
 demo: .venv/plot.stamp ## shapes in several poses, their canonical forms, and a picture of both
 	$(BIN)/unbend demo
@@ -73,6 +73,9 @@ browser: ## installs Chromium where there is none and we may
 
 test-matrix: .venv/release.stamp ## what would be released, in empty environments; CASES="--extra none"
 	$(BIN)/python release/matrix.py $(CASES)
+
+test-blender: .venv/test.stamp .venv/blender.stamp ## the Blender extension, in Blender's own Python module
+	$(BIN)/pytest tests/blender
 
 FUZZ_SECONDS ?= 600
 
