@@ -48,7 +48,7 @@ def test_add_lists_what_failed_and_says_so(folder: Path, tmp_path: Path) -> None
     assert done.exit_code == 1
     told = [line for line in done.stderr.splitlines() if not line.startswith("progress: ")]
     assert told[0].startswith(f"failed: {tmp_path}/torn.ply: truncated")
-    assert done.stdout.startswith("added 1, there before 0, failed 1; ")
+    assert done.stdout.startswith("added 1, already there 0, failed 1; ")
     again = run(*arguments, "--workers", 0, "--json")
     assert again.exit_code == 1
     told = json.loads(again.stdout)
@@ -88,7 +88,7 @@ def test_identical_files_show_as_one_shape(folder: Path, tmp_path: Path) -> None
     copies = [str(tmp_path / "copy.ply"), str(tmp_path / "more.ply")]
     store = tmp_path / "store"
     done = run("add", store, tmp_path / "stones", *copies, "--workers", 0)
-    assert done.stdout.startswith("added 2, there before 2 (2 under a new path), failed 0; ")
+    assert done.stdout.startswith("added 2, already there 2 (2 copied or moved), failed 0; ")
     assert f"{store} has 2 shapes" in done.stdout
     first = f"{copies[0]} (also {copies[1]} and 1 more)"
     for arguments in (("list",), ("search", paths[0]), ("groups", "-n", 1), ("matrix",)):
@@ -136,7 +136,7 @@ def test_what_misses_a_file_says_which_and_how_to_mend_it(tmp_path: Path) -> Non
         for stone in stones:
             assert f"{stone} {mend}" in done.stderr, done.output
     done = run("add", store, tmp_path / "away", query, "--workers", 0)
-    assert done.stdout.startswith("added 0, there before 2 (2 under a new path), failed 0")
+    assert done.stdout.startswith("added 0, already there 2 (2 copied or moved), failed 0")
     done = run("search", store, query, "--rerank", "match", "--report", tmp_path / "out.html")
     assert done.exit_code == 0
     assert all(line.startswith("progress: ") for line in done.stderr.splitlines())

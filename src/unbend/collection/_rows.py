@@ -89,7 +89,7 @@ class Added(Brief):
     Attributes
     ----------
     added, skipped : int
-        Shapes that are new, and files whose content was there before.
+        Shapes that are new, and files whose content was there, from the same call or before.
     new_paths : int
         Skipped files whose path was not there before: copies, and files that were moved.
     failures : tuple of Failure

@@ -38,10 +38,10 @@ def add(
     collection = unbend.collection.Collection(store)
     done = collection.add(paths, workers=workers, scheduler=scheduler, progress=progress)
     rate = f", {done.added / done.seconds:.3g} a second" if done.added else ""
-    moved = f" ({done.new_paths:,} under a new path)" if done.new_paths else ""
+    moved = f" ({done.new_paths:,} copied or moved)" if done.new_paths else ""
     count = len(collection)
     line = (
-        f"added {done.added:,}, there before {done.skipped:,}{moved}, failed "
+        f"added {done.added:,}, already there {done.skipped:,}{moved}, failed "
         f"{len(done.failures):,}; {store} has {plural(count, 'shape')} ({done.seconds:.1f} s{rate})"
     )
     hint = f"unbend collection search {quoted(store)} MESH, to find what is like it"
