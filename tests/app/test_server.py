@@ -133,11 +133,19 @@ def test_the_way_of_a_shape(app, ply) -> None:
     assert headers["content-disposition"].startswith("attachment")
     assert saved == page
     assert app.ask("GET", f"results/{result['id']}/title/0")[0] == 404
+    again = app.send("POST", "jobs", asked)["id"]
+    titles = [one["title"] for one in app.wait(lambda s: s["results"][1:])["results"]]
+    assert titles[1] == f"{titles[0]} (2)"
     app.send("PUT", "up", {"up": "z"})
     state = app.wait(lambda s: not s["jobs"])
     assert state["up"] == "z"
-    for kind, i in (("results", result["id"]), ("shapes", first), ("shapes", second)):
-        app.send("DELETE", f"{kind}/{i}")
+    for way in (
+        f"results/{result['id']}",
+        f"results/{again}",
+        f"shapes/{first}",
+        f"shapes/{second}",
+    ):
+        app.send("DELETE", way)
     state = app.get("state")
     assert (state["shapes"], state["results"]) == ([], [])
     assert app.get(f"state?seen={state['version']}") is None

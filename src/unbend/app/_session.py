@@ -109,11 +109,8 @@ class Session:
             if values:
                 self._values[i] = str(path), label
                 return i
-            taken, name, parts = {one["name"] for one in self._shapes.values()}, label, Path(label)
-            for n in itertools.count(2):
-                if name not in taken:
-                    break
-                name = f"{parts.stem} ({n}){parts.suffix}"
+            taken = {one["name"] for one in self._shapes.values()}
+            name = _not_taken(Path(label).stem, Path(label).suffix, taken)
             shape = {"path": str(path), "name": name, "state": "reading", "stamp": _stamp(path)}
             self._shapes[i] = shape
             self._submit({"do": "look", "shapes": [i]})
@@ -263,7 +260,8 @@ class Session:
             for one in found["samples"]:
                 self._shapes[self.add(Path(one["path"]), one["name"])]["sample"] = True
         else:
-            self._results[i] = found | {"do": job["do"], "shapes": job["shapes"]}
+            title = _not_taken(found["title"], "", {one["title"] for one in self._results.values()})
+            self._results[i] = found | {"title": title, "do": job["do"], "shapes": job["shapes"]}
 
     def _note(self) -> None:
         self._version += 1
@@ -284,6 +282,12 @@ def remove_dead() -> None:
             socket.create_server(("127.0.0.1", port)).close()
             if not hasattr(os, "getuid") or folder.lstat().st_uid == os.getuid():
                 shutil.rmtree(folder, ignore_errors=True)
+
+
+def _not_taken(start: str, end: str, taken: set[str]) -> str:
+    """Return a name, with a number before its end if others have it."""
+    names = (f"{start} ({n}){end}" for n in itertools.count(2))
+    return next(name for name in itertools.chain([start + end], names) if name not in taken)
 
 
 def _stamp(path: str | Path) -> tuple[int, int] | None:
