@@ -14,7 +14,7 @@ from unbend import Match, Mesh, register
 from unbend._types import IntArray
 from unbend.datasets import make_quadruped, make_sphere, rest_map
 from unbend.deformation import closest_faces
-from unbend.errors import InputError, MeshError
+from unbend.errors import InputError, MeshError, UnbendWarning
 
 # Vertices of a template, and of a scan of another pose.
 N, M = 1000, 1200
@@ -294,6 +294,14 @@ def test_a_template_of_four_vertices_comes_to_lie_on_the_scan() -> None:
     template = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], faces)
     found = register(template, make_sphere(3), np.array([0, 1, 2, 3]))
     np.testing.assert_allclose(np.linalg.norm(found.mesh.vertices, axis=1), 1, atol=0.05)
+
+
+def test_a_reflection_fits_the_template_inside_out_with_a_warning() -> None:
+    ball = make_sphere(1)
+    image = (ball.vertices * [-1, 1, 1], ball.faces[:, ::-1])
+    every = np.arange(ball.n_vertices)
+    with pytest.warns(UnbendWarning, match="is fitted inside out: mirror it"):
+        register(ball, image, Match(every, every, np.eye(1), -1.0, 0.0, 1.0))
 
 
 def test_what_does_not_fit(moebius_strip: Mesh) -> None:

@@ -15,7 +15,7 @@ from unbend.correspondence._fitting import Fit
 from unbend.correspondence._projection import make_target
 from unbend.correspondence._transfer import as_point_map, positions_on_target
 from unbend.deformation import ElasticSurface
-from unbend.errors import InputError, MeshError
+from unbend.errors import InputError, MeshError, warn
 from unbend.io import COLOR_SUFFIXES, SCALAR_SUFFIXES, MeshLike, as_mesh, value_colors, write_mesh
 from unbend.matching import Match, warn_of_disorder
 from unbend.matching import match as find_match
@@ -106,7 +106,7 @@ def register(
     Warns
     -----
     UnbendWarning
-        Of a match that is in disorder, see :class:`unbend.Match`.
+        Of a match that is in disorder or a reflection, see :class:`unbend.Match`.
 
     References
     ----------
@@ -131,6 +131,11 @@ def register(
         match = find_match(template, scan, barycentric=True, progress=progress)
     elif isinstance(match, Match):
         warn_of_disorder(match)
+        if match.orientation < 0:
+            warn(
+                f"the map is a reflection, so {template.name} is fitted inside out: mirror it "
+                "(negate x and turn its faces), and match again without allow_mirror"
+            )
     goal = positions_on_target(match, scan, template)
     images = as_point_map(match)
     if scan.is_point_cloud:
