@@ -59,6 +59,7 @@ def test_it_tells_and_writes_what_came_out(folder: Path) -> None:
     assert "by distance from the scan</option>" in html
     assert rows[0].startswith(f"covered          {told['coverage']:.1%} of the area, within ")
     assert rows[1].startswith("distance there   mean ")
+    assert " in the scan's unit (" in rows[1]
     assert rows[3] == "confidence       not estimated"
     assert run(*given).stdout.splitlines()[-1] == (
         "next: open out.ply and scan.ply together in MeshLab or Blender; its colours are the "

@@ -76,7 +76,8 @@ def register(
     unbend.correspondence.write_registration(out, found, like=like)
     if report is not None:
         covered = f"{found.coverage:.1%} of the template's area, within {found.tolerance:.3g}"
-        note = f"On the scan: {covered}; confidence {output.confidence_of(found)}."
+        confidence = output.confidence_of(found)
+        note = f"On the scan: {covered} in the scan's unit; confidence {confidence}."
         looks: Any = {"label": "distance from the scan", "note": note, "up": up}
         unbend.report.view(found.mesh, shapes[1], path=report, values=found.distances, **looks)
     one = _numbers(paths[0], out, found)
@@ -161,6 +162,6 @@ def _numbers(
 
 def _in_words(spread: dict[str, float]) -> str:
     return (
-        f"mean {spread['mean']:.3g}, 95% within {spread['within_95']:.3g} "
+        f"mean {spread['mean']:.3g}, 95% within {spread['within_95']:.3g} in the scan's unit "
         f"({spread['mean_relative']:.2g} and {spread['within_95_relative']:.2g} of sqrt(area))"
     )
