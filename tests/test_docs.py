@@ -54,7 +54,8 @@ def folder(tmp_path, monkeypatch):
         ends = body.vertices.argmax(axis=0)[:2]
         write_markups(tmp_path / f"{name}.mrk.json", body, ends, ["left hand", "head"])
     write_mesh(tmp_path / "scan.glb", body, uvs=body.vertices[:, :2])
-    write_mesh(tmp_path / "bracket.stl", body)
+    for name in ("bracket", "visit1", "visit2"):
+        write_mesh(tmp_path / f"{name}.stl", body)
     np.save(tmp_path / "thickness.npy", np.ones(egg.n_vertices))
     monkeypatch.chdir(tmp_path)
     return tmp_path
