@@ -76,8 +76,14 @@ def test_graph_laplacians_against_dense(n, degree, seed, unit, share):
 
 
 @pytest.mark.parametrize("k", [1, 10, 50, 100])
-def test_icosphere_multiplicities(k):
+def test_icosphere_multiplicities(k, iterative):
     check(*laplacian(*icosphere(3)), k)
+
+
+def test_a_seventh_of_all_pairs_is_left_to_lapack(monkeypatch):
+    """The iteration needs a basis of nearly the whole space for them."""
+    monkeypatch.setattr(lanczos, "_inverse_lanczos", None)
+    check(*laplacian(*scattered(420, 2)), 60)
 
 
 @pytest.mark.parametrize(("k", "pieces"), [(5, 12), (60, 12), (100, 3)])

@@ -93,7 +93,7 @@ def make_basis(mesh: Mesh) -> Basis:
     """Compute the eigenpairs that a shape is described by."""
     _, stiffness, areas = whole_surface(mesh)
     k = min(_N_EIGENPAIRS, len(areas) // 2)
-    check_memory(mesh.name, len(areas), working_columns(k + 1))
+    check_memory(mesh.name, len(areas), working_columns(len(areas), k + 1))
     values, functions = smallest_eigenpairs(stiffness, areas, k + 1, tol=1e-5)
     # All eigenfunctions of a multiple eigenvalue are used, or none: which of them come first
     # depends on the order of the vertices.

@@ -54,7 +54,9 @@ def smallest_eigenpairs(
     with one_blas_thread():
         small = _dense_is_faster(n, k)
         if small:
-            values, vectors = scipy.linalg.eigh(scaled.toarray(), subset_by_index=(0, k - 1))
+            values, vectors = scipy.linalg.eigh(
+                scaled.toarray(order="F"), subset_by_index=(0, k - 1), overwrite_a=True
+            )
             # Its errors are those of the largest entries, and sliver triangles have huge ones.
             clipped = np.maximum(values, 0)
             _, residual = measure_eigenpairs(scaled, np.ones(n), clipped, vectors, tol)
@@ -63,11 +65,13 @@ def smallest_eigenpairs(
     return np.maximum(values, 0) / total, vectors / (weights * np.sqrt(total))[:, None]
 
 
-def working_columns(k: int) -> int:
+def working_columns(n: int, k: int) -> int:
     """Predict how many columns of n numbers :func:`smallest_eigenpairs` keeps at once.
 
     Fitted to 10, 100 and 300 pairs of meshes of 50,000 to 500,000 vertices, in 1 to 16 threads.
     """
+    if _dense_is_faster(n, k):
+        return n + 2 * k
     # The basis has about 1.6 k + 75 columns, and polishing copies what it found. Each thread solves
     # for three chunks of columns.
     busy = min(n_threads(), k // 12 + 1)
@@ -130,7 +134,7 @@ def largest_eigenpairs(
 
 
 def _dense_is_faster(n: int, k: int) -> bool:
-    return n <= max(400, 2 * k + 100)
+    return n <= max(400, 7 * k)  # beyond, the iteration may need a basis of the whole space
 
 
 def _inverse_lanczos(matrix: SparseMatrix, k: int, tol: float) -> tuple[FloatArray, FloatArray]:

@@ -24,7 +24,7 @@ from unbend.spectral._surface import Surface, make_surface, named
 _RESIDUAL = 1e-8  # the largest, relative, unless another is asked for
 # Part of the name of every cached file. Raise it whenever the eigenpairs of a mesh come out
 # otherwise: the Laplacian, the solver, the basis of a multiple eigenvalue, or the signs.
-_VERSION = 4
+_VERSION = 5
 # How far from orthonormal eigenfunctions may be, and residuals, as one random combination of the
 # pairs shows them, may exceed the tolerance: by as many times as chance makes of many pairs.
 _SKEW, _CHANCE = 1e-7, 100.0
@@ -137,15 +137,15 @@ def eigenpairs(surface: Surface, k: int, *, tolerance: float = _RESIDUAL) -> Spe
     They are the same whatever the cache holds: one of a few numbers is computed.
     """
     check_whole(k, f"{surface.mesh.name}: the number of eigenpairs", 1, surface.n_vertices)
-    operator, wanted = surface.operator, k
+    operator, n, wanted = surface.operator, surface.n_vertices, k
     while True:
         # One more at least: the last one shows whether those before it are whole eigenspaces.
         count = next((few for few in (5, 11) if few > wanted), -(-wanted // 10) * 10 + 1)
-        count = min(count, surface.n_vertices)
+        count = min(count, n)
         key = cache_key(surface.mesh, _VERSION, operator.kind, surface.area_kind, tolerance, count)
         found = load_eigenpairs(key)
         if found is None or _lacking(operator, *found, tolerance):
-            check_memory(surface.mesh.name, surface.n_vertices, working_columns(count))
+            check_memory(surface.mesh.name, n, working_columns(n, count))
             with named(surface):
                 found = whole_eigenpairs(operator, count, tolerance)
             store_eigenpairs(key, *found)
