@@ -168,7 +168,7 @@ ONE = _match([0], [0])
         ([1.0, 2], _match([0, 1], [2]), {}, "names source vertex 2, but there are 2 values"),
         ([1.0, 2, 3], [0, 0], {}, "3 rows to carry, but the source has 2 vertices"),
         ([1.0, 2], [0, 0], {}, "maps from source to target: to invert it, give"),
-        ([1.0, 2], [0.5], {}, "no Match must be a list of vertex numbers"),
+        ([1.0, 2], [0.5], {}, r"no Match must be a list of vertex numbers \(whole"),
         ([1.0, 2], [-2], {}, "no Match must be a list of vertex numbers"),
         ([1.0], _match([0, 0], [1]), {}, "1 row to carry, but the source has 2 vertices"),
         ([1.0], ONE, {"kind": "mean"}, "kind must be"),

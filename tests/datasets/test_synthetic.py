@@ -143,6 +143,7 @@ def test_own_pose_and_proportions():
     head = plain.labels == plain.parts.index("head")
     assert plain.rest[head, 2].mean() > 0.3
     assert not plain.rest.flags.writeable
+    assert not plain.reference.flags.writeable
 
 
 @pytest.mark.parametrize(("maker", "ends"), [(make_quadruped, "paw"), (make_octopus, "arm_4_9")])

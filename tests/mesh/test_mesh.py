@@ -13,6 +13,11 @@ VERTICES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
 FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
 
+class Tensor:
+    def __array__(self, dtype=None, copy=None):
+        raise RuntimeError("use detach()")  # as PyTorch's with gradients
+
+
 def same(mesh):
     return np.array_equal(mesh.vertices, VERTICES) and np.array_equal(mesh.faces, FACES)
 
@@ -89,6 +94,7 @@ def test_says_what_it_is():
     [
         (VERTICES[:, :2], FACES, r"shape \(n, 3\), not \(4, 2\)"),
         ("abc", FACES, "not an array of numbers"),
+        (Tensor(), FACES, r"not an array of numbers \(use detach\(\)\)"),
         (VERTICES * 1j, FACES, "real numbers, not complex128"),
         (VERTICES > 0, FACES, "real numbers, not bool"),
         (VERTICES.astype(str), FACES, "real numbers, not <U"),

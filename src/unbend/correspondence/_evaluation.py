@@ -24,11 +24,12 @@ from unbend.preparation import join_seams
 
 THRESHOLDS = np.arange(17) / 80
 """Error thresholds of the paper's curves (Table 1, Fig. 2), in units of sqrt(target area)."""
+THRESHOLDS.setflags(write=False)
 _SHOWN = (4, 8)  # thresholds that a table shows
 
 # Distances are kept for the meshes used last, up to this size; for the last one always.
 _KEPT_BYTES = 2**30
-_kept: dict[tuple[int | str, ...], dict[int, FloatArray]] = {}
+_kept: dict[tuple[int, ...], dict[int, FloatArray]] = {}
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ class Evaluation(Brief):
     coverage : float
         Share of the target's area at vertices that some source vertex is mapped to.
     overlap : Overlap
-        Of parts: rows of the ground truth with a negative target vertex have no true image.
+        Of parts: rows of the ground truth whose target vertex is -1 have no true image.
     """
 
     direct: FloatArray
@@ -138,10 +139,10 @@ def evaluate(
         Anything :func:`unbend.as_mesh` accepts.
     source_points, target_points : (r,) array_like of int
         Ground truth: source vertex ``source_points[i]`` is target vertex ``target_points[i]``.
-        A row with a negative target vertex has no true image. Rows without a true image, or
-        without an image in the map, count for `overlap` only.
+        A row whose target vertex is -1 has no true image. Rows without a true image, or without an
+        image in the map, count for `overlap` only.
     mirrored_target_points : (r,) array_like of int, optional
-        The ground truth composed with the target's left-right symmetry; negative where a row has no
+        The ground truth composed with the target's left-right symmetry; -1 where a row has no
         mirrored image.
     distance : {"geodesic", "geodesic-exact"}, default="geodesic"
         The heat method, no shorter than the straight line (means of errors up to 0.3 are within
@@ -235,7 +236,7 @@ def _errors(
             f"{name}: row {unused[0]} is {truth[unused[0]]}, a vertex that no face of "
             f"{target.name} uses; give -1 for rows that do not count"
         )
-    key: tuple[int | str, ...] = (*mesh_hashes(target), kind)
+    key = target.n_vertices, kind == "geodesic-exact", *mesh_hashes(target)
     kept = _kept[key] = _kept.pop(key, {})  # the last one used
     missing = set(truth[rows].tolist()) - set(kept)
     if missing:
@@ -253,7 +254,6 @@ def _errors(
 def _forget() -> None:
     """Drop the distances of meshes used long ago; other threads may add and drop some meanwhile."""
     while len(_kept) > 1:
-        sizes = [row.nbytes for rows in list(_kept.values()) for row in list(rows.values())]
-        if sum(sizes) <= _KEPT_BYTES:
+        if sum(4 * key[0] * len(rows) for key, rows in list(_kept.items())) <= _KEPT_BYTES:
             return
         _kept.pop(next(iter(_kept)), None)

@@ -50,14 +50,16 @@ class Shape(Brief):
 
     @cached_property
     def reference(self) -> FloatArray:
-        """Where the vertices lie on the plain body of the maker at rest, (n, 3).
+        """Where the vertices lie on the plain body of the maker at rest, (n, 3), read-only.
 
         The same point of two bodies, whatever their proportions, poses and meshings, lies at the
         same place there.
         """
         if self.bones == self.plain_bones:
             return self.rest
-        return carry(self.rest, self.bones, self.plain_bones)
+        reference = carry(self.rest, self.bones, self.plain_bones)
+        reference.setflags(write=False)
+        return reference
 
 
 def rest_map(source: Shape, target: Shape) -> IntArray:

@@ -183,7 +183,7 @@ def checked_map(
     is_list = array.ndim == 1 and array.dtype.kind in "iu"
     images = array.astype(np.int64) if is_list else np.array([-2])
     if images.min(initial=-1) < -1:  # of uint64, what is too large turns negative
-        raise InputError(f"{what} must be a list of vertex numbers, from 0, or -1 for none")
+        raise InputError(f"{what} must be a list of vertex numbers (whole, from 0; -1 for none)")
     if n_target is not None and images.max(initial=-1) >= n_target:
         raise InputError(
             f"{what} names target vertex {images.max()}, but the target has "

@@ -103,7 +103,7 @@ def _vertex_array(vertices: Any, name: str) -> FloatArray:
     try:
         given = np.asarray(vertices)
         array = np.array(given.real, dtype=np.float64, order="C")
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, RuntimeError) as error:
         raise MeshError(f"{name}: vertices are not an array of numbers ({error})") from None
     if given.dtype.kind not in "iufO":
         raise MeshError(f"{name}: vertices must be real numbers, not {given.dtype}")
