@@ -50,10 +50,11 @@ class CanonicalForm(Brief):
     ----------
     points : (n, d) ndarray of float64
         One row per vertex of the input, in its order; NaN where a vertex is not part of the
-        surface. In units of the square root of the area, unless `keep_scale` was given.
+        surface. In the distance's unit at area 1, or with `keep_scale` on the input.
     eigenvalues : (d,) ndarray of float64
-        Of the Gram matrix, descending: the squared norm of each column of `points`, by the
-        weighting. A negative one has a column of zeros: the distances are not Euclidean.
+        Of the Gram matrix, descending: the squared norm of each column of `points`, vertices
+        weighted by 1 or by their share of the area. A negative one has a column of zeros: the
+        distances are not Euclidean.
     stress : float
         ``sqrt(sum (d_ij - |x_i - x_j|)^2 / sum d_ij^2)`` over all pairs of 32 random vertices with
         exact distances d: 0 for a perfect embedding.

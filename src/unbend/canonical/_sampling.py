@@ -36,8 +36,8 @@ def farthest_point_sampling(
     distance : str, default="geodesic"
         See :func:`unbend.distance`.
     start : int, optional
-        First sample; by default, where the first non-constant eigenfunction is largest, at an
-        end of the shape, whatever its pose and the order of vertices.
+        First sample; by default, where the first non-constant eigenfunction is largest in
+        magnitude, at an end of the shape, whatever its pose and the order of vertices.
     time, component
         See :func:`unbend.distance`.
     laplacian : {"auto", "cotangent", "robust"}, default="auto"

@@ -110,6 +110,10 @@ def distance(
         cannot use.
     MeshError
         If the mesh cannot be used; the message names the vertex or face.
+    SolverError
+        If a distance does not reach its accuracy, or exact geodesics do not reach a vertex.
+    MissingExtraError
+        If exact geodesics are asked for and pygeodesic is not installed.
 
     References
     ----------
