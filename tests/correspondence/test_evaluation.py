@@ -216,3 +216,8 @@ def test_distances_are_kept_up_to_a_size(monkeypatch: pytest.MonkeyPatch) -> Non
     assert [kept_after(size) for size in (1, 2, 2, 3)] == [1, 2, 2, 3]
     monkeypatch.setattr(_evaluation, "_KEPT_BYTES", 0)
     assert kept_after(4) == 1
+    assert all(_evaluation._kept.values())
+    # Of a mesh of 50,000 vertices all would be 10 GB.
+    monkeypatch.setattr(_evaluation, "available_memory", lambda: 0)
+    assert kept_after(5) == 1
+    assert not any(_evaluation._kept.values())

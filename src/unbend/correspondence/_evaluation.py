@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from unbend._arrays import check_choice
 from unbend._display import Brief, table
+from unbend._memory import available_memory
 from unbend._text import plural
 from unbend._types import BoolArray, FloatArray, IntArray, Progress
 from unbend.choices import GeodesicKind
@@ -27,7 +28,7 @@ THRESHOLDS = np.arange(17) / 80
 THRESHOLDS.setflags(write=False)
 _SHOWN = (4, 8)  # thresholds that a table shows
 
-# Distances are kept for the meshes used last, up to this size; for the last one always.
+# Distances are kept for the meshes used last, up to this size; for the last one if memory is free.
 _KEPT_BYTES = 2**30
 _kept: dict[tuple[int, ...], dict[int, FloatArray]] = {}
 
@@ -238,17 +239,31 @@ def _errors(
         )
     key = target.n_vertices, kind == "geodesic-exact", *mesh_hashes(target)
     kept = _kept[key] = _kept.pop(key, {})  # the last one used
-    missing = set(truth[rows].tolist()) - set(kept)
-    if missing:
-        from_vertex = geodesic_solver(target, exact=kind == "geodesic-exact")
-        scale = np.sqrt(vertex_areas(target).sum())
-        for i, vertex in enumerate(sorted(missing)):
+    errors, order = np.empty(len(rows)), np.argsort(truth[rows], kind="stable")
+    vertices, starts = np.unique(truth[rows][order], return_index=True)
+    from_vertex, scale = None, np.sqrt(vertex_areas(target).sum())
+    for i, some in enumerate(np.split(order, starts[1:])):
+        vertex = int(vertices[i])
+        distances = kept.get(vertex)
+        if distances is None:
+            if from_vertex is None:
+                from_vertex = geodesic_solver(target, exact=kind == "geodesic-exact")
             if progress is not None:
-                progress(f"{kind} distances", i / len(missing))
-            kept[vertex] = (from_vertex(vertex) / scale).astype(np.float32)
-    errors = np.array([kept[truth[row]][found[row]] for row in rows], dtype=float)
+                progress(f"{kind} distances", i / len(vertices))
+            distances = (from_vertex(vertex) / scale).astype(np.float32)
+            if _has_room(distances.nbytes * (len(kept) + 1)):
+                kept[vertex] = distances
+        errors[some] = distances[found[rows[some]]]
     _forget()
     return errors, truth >= 0
+
+
+def _has_room(n_bytes: int) -> bool:
+    """Whether so much may be kept of one mesh: if more than usual, then no more than is free."""
+    if n_bytes <= _KEPT_BYTES:
+        return True
+    there = available_memory()
+    return there is None or n_bytes <= there
 
 
 def _forget() -> None:
