@@ -153,7 +153,7 @@ def test_the_first_shape_is_fitted_and_morphed(shapes, matched, tmp_path) -> Non
     fitted = done(tmp_path, "register", shapes, **uses(matched))
     target = read_mesh(shapes[1][0]).vertices
     assert "On my galloping.ply: " in page_of(fitted)
-    assert "by distance from my galloping.ply<" in page_of(fitted)
+    assert "by distance from my galloping.ply, up to " in page_of(fitted)
     size = np.ptp(target, axis=0).max()
     off = np.linalg.norm(read_mesh(file_of(fitted, ".ply")).vertices - target, axis=1)
     assert np.median(off) < 0.03 * size

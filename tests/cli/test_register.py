@@ -56,7 +56,7 @@ def test_it_tells_and_writes_what_came_out(folder: Path) -> None:
     html = Path("page.html").read_text("utf-8")
     assert f"On the scan: {told['coverage']:.1%} of the template&#x27;s area, within " in html
     assert "; confidence not estimated.</p>" in html
-    assert "by distance from the scan</option>" in html
+    assert f"by distance from the scan, up to {told['tolerance']:.3g}</option>" in html
     assert rows[0].startswith(f"covered          {told['coverage']:.1%} of the area, within ")
     assert rows[1].startswith("distance there   mean ")
     assert " in the scan's unit (" in rows[1]

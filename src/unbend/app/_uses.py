@@ -162,10 +162,11 @@ def register(work: Work) -> Result:
         # Once saved, it is not in our folder: it names materials as the file of the first does.
         like = shutil.copy(work.paths[0], work.folder / f"like{suffix}") if keeps else None
         correspondence.write_registration(path, found, like=like)
-    covered = f"{found.coverage:.1%} of the area, within {found.tolerance:.3g}"
-    looks: Any = {"label": f"distance from {target.name}", "up": work.up}
-    looks["note"] = f"On {target.name}: {covered}."
-    report.view(found.mesh, target, values=found.distances, path=work.page, **looks)
+    reach = f"{found.tolerance:.3g}"
+    covered = f"{found.coverage:.1%} of the area, within {reach}"
+    looks: Any = {"label": f"distance from {target.name}, up to {reach}", "up": work.up}
+    looks |= {"note": f"On {target.name}: {covered}.", "path": work.page}
+    report.view(found.mesh, target, values=found.distances.clip(max=found.tolerance), **looks)
     facts = {
         "on the second shape": covered,
         "mean distance": f"{np.nanmean(found.distances):.3g} in the unit of the file",

@@ -75,11 +75,13 @@ def register(
     like = output.what_to_keep(out, template, whole=component is None)
     unbend.correspondence.write_registration(out, found, like=like)
     if report is not None:
-        covered = f"{found.coverage:.1%} of the template's area, within {found.tolerance:.3g}"
+        reach = f"{found.tolerance:.3g}"
+        covered = f"{found.coverage:.1%} of the template's area, within {reach}"
         confidence = output.confidence_of(found)
         note = f"On the scan: {covered} in the scan's unit; confidence {confidence}."
-        looks: Any = {"label": "distance from the scan", "note": note, "up": up}
-        unbend.report.view(found.mesh, shapes[1], path=report, values=found.distances, **looks)
+        looks: Any = {"label": f"distance from the scan, up to {reach}", "note": note, "up": up}
+        looks["values"] = found.distances.clip(max=found.tolerance)
+        unbend.report.view(found.mesh, shapes[1], path=report, **looks)
     one = _numbers(paths[0], out, found)
     lines = {
         "covered": f"{found.coverage:.1%} of the area, within {found.tolerance:.3g}",
