@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray
-from unbend.errors import FileError
+from unbend.errors import FileError, MeshError
 from unbend.io.formats.contents import (
     BYTE_ORDER_MARK,
     Contents,
@@ -36,6 +36,12 @@ def read(data: bytes) -> Contents:
         n_unread = left_over(data[_HEADER + triangles.nbytes :])
     if len(corners) == 0:
         raise FileError("holds no triangles")
+    is_finite = np.isfinite(corners).all(axis=1)
+    if not is_finite.all():  # the number of a vertex would be ours, not the file's
+        raise MeshError(
+            f"triangle {is_finite.argmin() // 3} has a corner that is not at a finite position; "
+            "correct or remove that triangle"
+        )
     kept, faces = weld(corners)
     welded = (
         f"{plural(len(corners), 'corner')} of {plural(len(corners) // 3, 'triangle')} welded into "
