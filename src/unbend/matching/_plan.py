@@ -34,12 +34,15 @@ from unbend.matching._registration import (
     register,
     rough_start,
 )
-from unbend.matching._score import Candidate, lead_needed, ranked, rough_costs, scored
+from unbend.matching._score import FLOOR, Candidate, ranked, rough_costs, scored
 from unbend.matching._search import search
 from unbend.matching._shape import Proxy, Shape, make_proxy
 
 COARSE, MEDIUM = 0, 1  # levels of detail
 _SAMPLES = 64  # points of a shape, by which motions are compared
+# The best map costs so many times as much if the target is a mirror image: of shapes with few
+# features, and of others. Of symmetric ones it costs up to 1.1 and 1.6 times as much.
+_MIRRORED = 1.5, 2.0
 BEAM = constants.BEAM
 COARSE_WEIGHTS, MEDIUM_WEIGHTS = constants.DATA_WEIGHTS[2:5], constants.DATA_WEIGHTS[5:]
 
@@ -129,17 +132,17 @@ def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]
 
 
 def onto_mirror_image(sides: Sides, first: Candidate) -> list[Candidate]:
-    """Return the map onto the target's mirror image if it costs less than half of the best.
+    """Return the map onto the target's mirror image if it costs far less than the best.
 
-    Of shapes with few features, which cost little, it must cost less still. That happens if one
-    shape is a left hand, and the other a right one; for symmetric bodies the two are about as good.
+    That happens if one shape is a left hand, and the other a right one; for symmetric bodies the
+    two are about as good.
     """
     reflected = sides.reflected()._replace(maps=sides.maps[:BEAM])
     found = best(reflected, COARSE, from_spectra(reflected, []))[:1]
     if found[0].cost >= first.cost:
         return []
-    most = first.cost / (1 + lead_needed(first.cost))
-    return [one for one in lifted(reflected, found) if one.cost < most]
+    most = first.cost / _MIRRORED[first.cost >= constants.FEATURES]
+    return [one for one in lifted(reflected, found) if max(one.cost, FLOOR) < most]
 
 
 def best(sides: Sides, level: int, found: Sequence[Candidate]) -> list[Candidate]:

@@ -98,7 +98,7 @@ def lead_shares(
     more of it is if either is partial.
     """
     lead *= constants.PARTIAL_LEAD if partial else 1.0
-    lead *= lead_needed(costs[min(1, len(costs) - 1)])
+    lead *= max(1.0, constants.FEATURES / max(costs[min(1, len(costs) - 1)], FLOOR)) ** 2
     shares = np.exp((costs[0] - costs) / (lead * max(costs[0], FLOOR)))
     return np.asarray(shares / shares.sum())
 
@@ -136,11 +136,6 @@ def expected_errors(
     shares = _unexplained_on_faces(source, target, left, right, found.registered)
     errors = gap * apart + unlike * np.sqrt(shares) + other * elsewhere + none * doubt
     return np.where(overlap, errors, np.nan)
-
-
-def lead_needed(runner_up: float) -> float:
-    """How many times as far ahead of its runner-up a map must be, 1 if the shapes have features."""
-    return float(max(1.0, constants.FEATURES / max(runner_up, FLOOR)) ** 2)
 
 
 def _unexplained_on_faces(
