@@ -172,7 +172,8 @@ def match(
     if other_hand:
         warn(
             "the mirror image of the target fits far better, as if one were a left hand and the "
-            "other a right one: if so, match with allow_mirror=True (unbend match --allow-mirror)"
+            "other a right one: if so, mirror one (negate x and turn its faces), or match with "
+            "allow_mirror=True (unbend match --allow-mirror)"
         )
     found = without_extras(sides, found, torn)
     whole = constants.SMALLEST_PART if partial == "auto" else 0.0
