@@ -241,13 +241,13 @@ def _errors(
     kept = _kept[key] = _kept.pop(key, {})  # the last one used
     errors, order = np.empty(len(rows)), np.argsort(truth[rows], kind="stable")
     vertices, starts = np.unique(truth[rows][order], return_index=True)
-    from_vertex, scale = None, np.sqrt(vertex_areas(target).sum())
+    if not kept.keys() >= set(vertices.tolist()):
+        from_vertex = geodesic_solver(target, exact=kind == "geodesic-exact")
+        scale = np.sqrt(vertex_areas(target).sum())
     for i, some in enumerate(np.split(order, starts[1:])):
         vertex = int(vertices[i])
         distances = kept.get(vertex)
         if distances is None:
-            if from_vertex is None:
-                from_vertex = geodesic_solver(target, exact=kind == "geodesic-exact")
             if progress is not None:
                 progress(f"{kind} distances", i / len(vertices))
             distances = (from_vertex(vertex) / scale).astype(np.float32)
