@@ -43,14 +43,17 @@ def lopsided(points: np.ndarray) -> np.ndarray:
     return np.stack([x * (1.3 + 0.4 * y + 0.2 * z), y, 0.7 * z + 0.2 * y**2], axis=1)
 
 
-def make_blob(level: int, bend: float = 0.0) -> Mesh:
+def make_blob(
+    level: int, bend: float = 0.0, lengths: tuple[float, float, float] = (2.0, 1.2, 0.7)
+) -> Mesh:
     """Make a ball with three limbs and without symmetry; limbs may be bent.
 
     Vertices of a coarser one are first.
     """
     ball = make_sphere(level)
     points = ball.vertices.copy()
-    for direction, length in (((1, 0.2, 0), 2.0), ((0, 1, 0.3), 1.2), ((-0.5, -0.4, 1), 0.7)):
+    directions = (1, 0.2, 0), (0, 1, 0.3), (-0.5, -0.4, 1)
+    for direction, length in zip(directions, lengths, strict=True):
         limb = np.array(direction) / np.linalg.norm(direction)
         far = length * np.exp(-6 * (1 - ball.vertices @ limb))[:, None]
         points += far * (limb + bend * far * np.roll(limb, 1))

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sheets import lopsided, make_egg, make_torus, make_twisted_ball
+from sheets import lopsided, make_blob, make_egg, make_torus, make_twisted_ball
 from testshapes.damage import Damaged, keep
 from unbend import Mesh, read_mesh
 from unbend.correspondence import evaluate
@@ -102,16 +102,8 @@ def test_a_mirror_image_is_told_and_matched_if_allowed(blob: Mesh) -> None:
 
 
 def test_left_and_right_of_two_individuals_are_told() -> None:
-    ball = make_sphere(2)
-
-    def stone(scale: list[float], *lengths: float) -> Mesh:
-        points = ball.vertices.copy()
-        for limb, length in zip(([1, 0.2, 0], [0, 1, 0.3], [-0.5, -0.4, 1]), lengths, strict=True):
-            limb /= np.linalg.norm(limb)
-            points += length * np.exp(-6 * (1 - ball.vertices @ limb))[:, None] * limb
-        return Mesh(points * scale, ball.faces)
-
-    one, other = stone([1, 1, 1], 0.8, 0.5, 0.3), stone([1.3, 1, 0.85], 0.8, 0.35, 0.39)
+    one, other = make_blob(2, lengths=(0.8, 0.5, 0.3)), make_blob(2, lengths=(0.8, 0.35, 0.39))
+    other = Mesh(other.vertices * [1.3, 1, 0.85], other.faces)
     assert match(one, other, refine=False).confidence > 0.9
     with pytest.warns(UnbendWarning, match="mirror image of the target fits far better"):
         found = match(one, (other.vertices * MIRROR, other.faces[:, ::-1]), refine=False)
