@@ -34,6 +34,9 @@ def test_an_image_of_nibabel_is_a_mesh() -> None:
     mesh = as_mesh(SimpleNamespace(darrays=SURFACE))
     np.testing.assert_array_equal(mesh.vertices, QUAD)
     np.testing.assert_array_equal(mesh.faces, FACES)
+    for more in SURFACE:  # the last one would be taken, on the faces of another
+        with pytest.raises(InputError, match="holds several surfaces: save each in a file"):
+            as_mesh(SimpleNamespace(darrays=[*SURFACE, more]))
     with pytest.raises(InputError, match="without points"):
         as_mesh(SimpleNamespace(darrays=[array(SHAPE, QUAD[:, 0])]))
 
@@ -53,17 +56,25 @@ def test_a_gifti_file_of_values_needs_no_surface(tmp_path: Path) -> None:
     path = tmp_path / "lh.shape.gii"
     write_gifti(path, array(SHAPE, thickness))
     np.testing.assert_array_equal(read_values(path, n_vertices=4), thickness)
-    with pytest.raises(FileError, match=r"^lh\.shape\.gii: holds no vertices"):
+    with pytest.raises(FileError, match=r"^lh\.shape\.gii: holds values and no surface: give the"):
         read_mesh(path)
     with pytest.raises(FileError, match="holds 4 rows, but there are 5 vertices"):
         read_values(path, n_vertices=5)
+    write_gifti(path, array(SHAPE, thickness), array(SHAPE, thickness[:3]))
+    with pytest.raises(FileError, match=r"^lh\.shape\.gii: its arrays of values differ in length"):
+        read_values(path)
 
 
-def test_labels_are_whole_numbers(tmp_path: Path) -> None:
-    write_gifti(tmp_path / "a.label.gii", array(LABEL, np.array([3, 3, 0, -1], dtype=np.int32)))
-    labels = read_values(tmp_path / "a.label.gii")
-    assert labels.dtype.kind == "i"
+def test_labels_are_whole_numbers_that_are_never_averaged(tmp_path: Path) -> None:
+    path, map_1 = tmp_path / "a.label.gii", array(LABEL, np.array([3, 3, 0, -1], dtype=np.int32))
+    write_gifti(path, map_1)
+    labels = read_values(path)
+    assert labels.dtype == np.int64
     assert labels.tolist() == [3, 3, 0, -1]
+    write_gifti(path, map_1, array(LABEL, FACES.ravel()[:4]))  # columns would be
+    with pytest.raises(FileError, match="holds value_1, value_2; name one of them"):
+        read_values(path)
+    np.testing.assert_array_equal(read_values(path, name="value_2"), FACES.ravel()[:4])
 
 
 def test_several_arrays_go_by_name_or_are_columns(tmp_path: Path) -> None:
@@ -100,7 +111,12 @@ def test_files_of_freesurfer_are_read(tmp_path: Path) -> None:
     np.testing.assert_array_equal(mesh.vertices, QUAD)
     np.testing.assert_array_equal(mesh.faces, FACES)
     freesurfer.write_morph_data(tmp_path / "lh.thickness", QUAD[:, 0])
-    np.testing.assert_array_equal(read_values(tmp_path / "lh.thickness"), QUAD[:, 0])
+    thickness = read_values(tmp_path / "lh.thickness")
+    np.testing.assert_array_equal(thickness, QUAD[:, 0])
+    assert thickness.dtype == np.float64  # the file's other byte order is refused by PyTorch
+    (tmp_path / "cut.curv").write_bytes((tmp_path / "lh.thickness").read_bytes()[:-4])
+    with pytest.raises(FileError, match=r"^cut\.curv: truncated"):
+        read_values(tmp_path / "cut.curv")
     table = np.array([[25, 5, 25, 0], [220, 20, 10, 0]])
     labels = np.array([1, 0, -1, 1])
     freesurfer.write_annot(tmp_path / "lh.annot", labels, table, ["a", "b"], fill_ctab=True)

@@ -25,7 +25,8 @@ _FREESURFER = (".pial", ".white", ".inflated", ".sphere")  # its surfaces
 FREESURFER_VALUES = (".thickness", ".curv", ".sulc", ".annot")
 _NIBABEL = (".gii", *_FREESURFER, *FREESURFER_VALUES)
 _READ_BY_NIBABEL = ("read by nibabel",)
-_POINTSET, _TRIANGLE, _NODE_INDEX = 1008, 1009, 2002  # GIFTI's intents, numbered as in NIfTI
+# GIFTI's intents, numbered as in NIfTI.
+_LABEL, _POINTSET, _TRIANGLE, _NODE_INDEX = 1002, 1008, 1009, 2002
 FOREIGN_SUFFIXES = (*_TRIMESH, *_MESHIO, *_NIBABEL)
 
 
@@ -176,14 +177,21 @@ def _by_nibabel(path: Path, data: bytes) -> Contents:
         values = nibabel.freesurfer.read_annot(path)[0]  # rows of its table, -1 where none
     elif data.startswith(b"\xff\xff\xff"):
         values = nibabel.freesurfer.read_morph_data(path)
+        if len(values) < int.from_bytes(data[3:7], "big"):
+            raise FileError("truncated: it ends before its last value")
     else:  # which reads it as an old format that has no mark
         raise FileError("not FreeSurfer's format of values per vertex")
-    return Contents(np.empty((0, 3)), NO_FACES, _READ_BY_NIBABEL, lambda: {suffix[1:]: values})
+    return Contents(
+        np.empty((0, 3)), NO_FACES, _READ_BY_NIBABEL, lambda: {suffix[1:]: _plain(values)}
+    )
 
 
 def _of_gifti(image: Any) -> Contents:
     """Take the surface of a GIFTI image and its values, of which it may lack either."""
     places, corners, columns = np.empty((0, 3)), NO_FACES, []
+    intents = [one.intent for one in image.darrays]
+    if max(intents.count(_POINTSET), intents.count(_TRIANGLE)) > 1:
+        raise FileError("holds several surfaces: save each in a file of its own")
     for one in image.darrays:
         if one.intent == _POINTSET:
             places = one.data
@@ -194,10 +202,18 @@ def _of_gifti(image: Any) -> Contents:
         else:
             columns.append(one)
     names = [one.meta.get("Name") or "value" for one in columns]
+    if len({len(one.data) for one in columns}) > 1:
+        raise FileError("its arrays of values differ in length: save each in a file of its own")
     if len({*names}) < len(names):
-        names = [f"value_{i}" for i in range(len(names))]
-    values = {name: one.data for name, one in zip(names, columns, strict=True)}
+        first = int(_LABEL in intents)  # columns are joined if numbered from 0, and then averaged
+        names = [f"value_{i}" for i in range(first, first + len(names))]
+    values = {name: _plain(one.data) for name, one in zip(names, columns, strict=True)}
     return Contents(places, corners, _READ_BY_NIBABEL, lambda: values)
+
+
+def _plain(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Numbers in this machine's byte order."""
+    return values.astype(np.float64 if values.dtype.kind == "f" else np.int64)
 
 
 def _by_trimesh(suffix: str, data: bytes) -> Contents:

@@ -75,9 +75,13 @@ def read_mesh(path: StrPath) -> Mesh:
     ('1 polygon split into triangles',)
     """
     contents = read_contents(path)
-    if len(contents.vertices) == 0:
-        raise FileError(f"{Path(path).name}: holds no vertices")
-    return Mesh(contents.vertices, contents.faces, name=Path(path).name, notes=contents.notes)
+    name = Path(path).name
+    with prefixed(name):
+        if len(contents.vertices) == 0 and any(map(len, contents.values().values())):
+            raise FileError("holds values and no surface: give the file of their surface")
+        if len(contents.vertices) == 0:
+            raise FileError("holds no vertices")
+    return Mesh(contents.vertices, contents.faces, name=name, notes=contents.notes)
 
 
 def read_contents(path: StrPath) -> Contents:
