@@ -121,3 +121,7 @@ def test_files_of_freesurfer_are_read(tmp_path: Path) -> None:
     labels = np.array([1, 0, -1, 1])
     freesurfer.write_annot(tmp_path / "lh.annot", labels, table, ["a", "b"], fill_ctab=True)
     np.testing.assert_array_equal(read_values(tmp_path / "lh.annot"), labels)
+    given = (tmp_path / "lh.annot").read_bytes()
+    unknown = given.replace(b"\0\x0a\x14\xdc", b"\0\x0a\x14\xdb", 1)  # of vertex 0: none of a row
+    (tmp_path / "lh.annot").write_bytes(unknown)
+    np.testing.assert_array_equal(read_values(tmp_path / "lh.annot"), [-1, 0, -1, 1])

@@ -174,7 +174,10 @@ def _by_nibabel(path: Path, data: bytes) -> Contents:
         vertices, faces = nibabel.freesurfer.read_geometry(path)
         return Contents(vertices, faces, _READ_BY_NIBABEL)
     if suffix == ".annot":
-        values = nibabel.freesurfer.read_annot(path)[0]  # rows of its table, -1 where none
+        # Rows of its table, -1 where none: nibabel gives the next row if a colour is in none.
+        colors, table, _ = nibabel.freesurfer.read_annot(path, orig_ids=True)
+        rows = {color: row for row, color in enumerate(table[:, 4].tolist()) if color}
+        values = np.array([rows.get(color, -1) for color in colors.tolist()])
     elif data.startswith(b"\xff\xff\xff"):
         values = nibabel.freesurfer.read_morph_data(path)
         if len(values) < int.from_bytes(data[3:7], "big"):
