@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -87,8 +88,8 @@ def matrix(
     if figure is not None:
         unbend.report.draw_distances(_labels(paths), distances, figure)
     if csv is not None:
-        rows = ([path, *row] for path, row in zip(paths, distances.tolist(), strict=True))
-        unbend.io.write_table(csv, [["path", *paths], *rows])
+        rows = ([path, *row.tolist()] for path, row in zip(paths, distances, strict=True))
+        unbend.io.write_table(csv, itertools.chain([["path", *paths]], rows))
     if len(entries) <= _MOST_PRINTED:
         lines = output.matrix([shown_shape(entry) for entry in entries], distances)
     else:
