@@ -355,6 +355,7 @@ def test_mistakes(filled: Collection, tmp_path: Path, monkeypatch: pytest.Monkey
     for use in (lambda: filled.add(tmp_path), lambda: filled.search(BALL), filled.distances):
         with pytest.raises(InputError, match="do not compare with those of this unbend, another"):
             use()
+    assert filled.export(tmp_path / "all.csv") == 8  # which compares nothing
     monkeypatch.setitem(sys.modules, "lancedb", None)
     with pytest.raises(MissingExtraError, match="pip install lancedb dask distributed"):
         Collection(tmp_path / "store")

@@ -187,6 +187,7 @@ class Collection:
         check_whole(n, "n", 1)
         if rerank not in ("none", "form", "match"):
             raise InputError(f"rerank must be 'none', 'form' or 'match', not {rerank!r}")
+        self._store.check_version()
         self._store.check_filled()
         index = index and len(self._store) >= _LEAST_INDEXED
         if index:
@@ -217,6 +218,7 @@ class Collection:
         """
         from scipy.spatial.distance import cdist
 
+        self._store.check_version()
         self._store.check_filled()
         n = self._store.n_shapes()
         free, needed = available_memory(), 3 * 8 * n**2

@@ -207,8 +207,7 @@ class Store:
             )
 
     def check_filled(self) -> None:
-        """Raise FileError if there are no shapes; check the version."""
-        self.check_version()
+        """Raise FileError if there are no shapes."""
         if not len(self):
             raise FileError(
                 f"there are no shapes in {self.path}: unbend collection add {quoted(self.path)} "
