@@ -59,7 +59,7 @@ def test_evaluate_names_a_line_that_does_not_fit(shapes, tmp_path):
     (tmp_path / "labels.csv").write_text("path,label\nnone.ply,a\n")
     done = run("evaluate", shapes / "shapes", tmp_path / "labels.csv")
     assert done.exit_code == 2
-    assert "line 2: none.ply is no shape of the collection" in done.stderr
+    assert "none.ply is no shape of the collection; add it, or remove its line" in done.stderr
 
 
 def test_identical_files_take_a_label_together_and_none_where_theirs_differ(

@@ -217,7 +217,7 @@ def read_labels(table: StrPath, shapes: Sequence[Sequence[str]]) -> list[str | N
         found = found or ends.get("/".join(Path(path).parts), [])
         if len({i for i, _ in found}) != 1:
             what = "several shapes" if found else "no shape"
-            more = "; write the whole path" if found else ""
+            more = "; write the whole path" if found else "; add it, or remove its line"
             raise FileError(f"{table}: line {line}: {path} is {what} of the collection{more}")
         i, path = found[0]
         if labels[i].setdefault(path, label) != label:
