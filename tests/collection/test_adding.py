@@ -10,6 +10,7 @@ from unbend import Mesh, canonical_form, spectrum, write_mesh
 from unbend.collection import _adding
 from unbend.collection._adding import make_row
 from unbend.collection._descriptor import FORM_POINTS, Basis, sample_form
+from unbend.collection._files import hash_file
 from unbend.datasets import make_sphere
 from unbend.errors import MeshError, warn
 from unbend.mesh import vertex_areas
@@ -49,7 +50,7 @@ def test_a_row_tells_what_a_file_holds(tmp_path: Path, monkeypatch: pytest.Monke
     path = str(tmp_path / "shape.ply")
 
     def described() -> dict:
-        return make_row((path, "0"))
+        return make_row(hash_file(path))
 
     for faces, area in ((BALL.faces, vertex_areas(BALL).sum()), (BALL.faces[:0], 0)):
         write_mesh(path, Mesh(BALL.vertices, faces))

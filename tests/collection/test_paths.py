@@ -150,6 +150,21 @@ def test_a_copy_that_changed_leaves_the_other_its_shape(pair: list[str], store: 
     assert sorted(paths_in(store).values()) == [(path,) for path in pair]
 
 
+def test_a_file_that_changes_before_it_is_read_is_not_kept_as_what_it_was(
+    tmp_path: Path, store: Collection
+) -> None:
+    one, other = write_stones(tmp_path / "stones", 2)
+    was = copied(other, tmp_path / "was.ply")
+
+    def progress(_: str, share: float) -> None:
+        if share:  # the first is described, and both are hashed
+            copied(one, other)
+
+    (failure,) = store.add([one, other], workers=0, progress=progress).failures
+    assert (failure.path, "changed" in failure.reason) == (str(other), True)
+    assert counts(store.add([other, was], workers=0)) == (1, 1, 1)
+
+
 def test_files_that_changed_places_have_the_rows_of_what_they_are(
     tmp_path: Path, store: Collection
 ) -> None:

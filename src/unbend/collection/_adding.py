@@ -13,10 +13,10 @@ import numpy as np
 from unbend._types import Progress
 from unbend.collection._descriptor import DESCRIPTOR_VERSION, describe, make_basis, sample_form
 from unbend.collection._engine import Engine, Outcome, counted
-from unbend.collection._files import File, find_files, hashed, is_gone, warn_of_others
+from unbend.collection._files import File, find_files, hash_file, hashed, is_gone, warn_of_others
 from unbend.collection._rows import Added, Failure
 from unbend.collection._store import Store, among
-from unbend.errors import MeshError, heard
+from unbend.errors import FileError, MeshError, heard
 from unbend.io import read_mesh
 from unbend.mesh import vertex_areas
 from unbend.report.raster import thumbnail
@@ -143,6 +143,8 @@ def make_row(file: File) -> dict[str, Any]:
     path, digest = file
     with heard() as said:
         mesh = read_mesh(path)
+        if hash_file(path) != file:  # it was hashed some hundred files ago
+            raise FileError("it has changed since this command began; add it again")
         basis = make_basis(mesh)
         descriptor, form = describe(basis), sample_form(basis)
     if not (np.isfinite(descriptor).all() and np.isfinite(form).all()):

@@ -107,12 +107,13 @@ def registered_stems(folder: StrPath) -> set[str]:
 def hashed(paths: Iterator[str]) -> Iterator[tuple[list[File], list[Failure]]]:
     """Paths with the hashes of their files, and failures, some hundreds at a time."""
     while some := list(itertools.islice(paths, _FILES_AT_ONCE)):
-        found = run_all(functools.partial(_hash, path) for path in some)
+        found = run_all(functools.partial(hash_file, path) for path in some)
         failures = [one for one in found if isinstance(one, Failure)]
         yield [one for one in found if not isinstance(one, Failure)], failures
 
 
-def _hash(path: str) -> File | Failure:
+def hash_file(path: str) -> File | Failure:
+    """Hash of a file's bytes, or why there is none."""
     try:
         path.encode()
         if os.path.isdir(path):
@@ -135,7 +136,7 @@ def find_file(shape: Entry | Hit, store: str) -> str:
     """Find a file of a shape of the collection at `store` that is as it was added, or FileError."""
     reasons = []
     for path in (shape.path, *shape.also):
-        found = _hash(path)
+        found = hash_file(path)
         if found == (path, shape.id):
             return path
         why = found.reason if isinstance(found, Failure) else "it has changed since it was added"
