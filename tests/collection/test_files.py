@@ -10,7 +10,14 @@ from pathlib import Path
 import pytest
 
 from unbend._text import quoted
-from unbend.collection._files import find_file, find_files, hashed, is_gone, warn_of_others
+from unbend.collection._files import (
+    find_file,
+    find_files,
+    hashed,
+    is_gone,
+    read_found,
+    warn_of_others,
+)
 from unbend.collection._rows import Failure, Hit
 from unbend.errors import FileError, UnbendWarning
 
@@ -173,3 +180,9 @@ def test_a_shape_is_in_the_first_file_that_is_as_it_was(tmp_path: Path) -> None:
         f"{quoted('my store')} NEWFOLDER, with the folder that it is in now, or "
         "unbend collection remove if it is gone"
     )
+
+
+def test_shown_files_of_one_name_are_named_from_where_their_folders_differ() -> None:
+    files = ("human/plain/0.off", "human/noisy/0.off", "human/0.ply", "cup/1.off")
+    shown, _ = read_found([Hit("", f"/scans/{file}", 0.0) for file in files], "store")
+    assert [one.name for one in shown] == ["plain/0.off", "noisy/0.off", "0.ply", "1.off"]

@@ -8,6 +8,7 @@ from unbend.collection._files import (
     make_folder,
     matches,
     read_found,
+    short_names,
     warn_of_others,
 )
 from unbend.collection._groups import find_groups
@@ -55,6 +56,7 @@ __all__ = [
     "register_files",
     "retrieval_measures",
     "shape_statistics",
+    "short_names",
     "warn_of_others",
     "write_mean",
 ]

@@ -161,22 +161,35 @@ def without_file(shapes: Iterable[Entry], store: str) -> list[Failure]:
 def read_found(shapes: Sequence[Entry | Hit], store: str) -> tuple[list[Mesh], list[Failure]]:
     """Read shapes of the collection at `store` to show them, and tell which cannot be read.
 
-    Each has the name of its file, or its path where names are alike, and notes that name its other
-    paths. One that cannot be read is a point, with a note that says why.
+    Each has the name of its file, or its path from where those of one name differ on, and notes
+    that name its other paths. One that cannot be read is a point, with a note that says why.
     """
-    alike = Counter(Path(one.path).name for one in shapes)
+    names = short_names([one.path for one in shapes])
     meshes, failures = [], []
-    for one in shapes:
+    for one, short in zip(shapes, names, strict=True):
         try:
             mesh = read_mesh(find_file(one, store))
         except UnbendError as error:
             failures.append(Failure(one.path, str(error)))
             mesh = Mesh([[0, 0, 0]], notes=(f"not drawn: {error}",))
-        name = Path(one.path).name
-        shown = name if alike[name] == 1 else one.path
+        path = Path(one.path)
+        shown = path.name if short == path.stem else short
         notes = (*mesh.notes, *(f"also {path}" for path in one.also))
         meshes.append(replace(mesh, name=shown, notes=notes))
     return meshes, failures
+
+
+def short_names(paths: Sequence[str]) -> list[str]:
+    """Name files without their suffix; those whose names are alike from where they differ on."""
+    alike: dict[str, list[tuple[str, ...]]] = {}
+    for path in map(Path, paths):
+        alike.setdefault(path.stem, []).append(path.parts)
+    labels = []
+    for path in map(Path, paths):
+        columns = enumerate(zip(*alike[path.stem], strict=False))
+        first = next((i for i, column in columns if len(set(column)) > 1), None)
+        labels.append(path.stem if first is None else "/".join(path.parts[first:]))
+    return labels
 
 
 def stem(shape: Entry) -> str:

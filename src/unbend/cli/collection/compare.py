@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -86,7 +84,7 @@ def matrix(
         looks: Any = {"measure": "distance", "up": up, "command": command_line()}
         unbend.report.similarity_page(read_shown(entries, store), distances, report, **looks)
     if figure is not None:
-        unbend.report.draw_distances(_labels(paths), distances, figure)
+        unbend.report.draw_distances(unbend.collection.short_names(paths), distances, figure)
     if csv is not None:
         rows = ([path, *row.tolist()] for path, row in zip(paths, distances, strict=True))
         unbend.io.write_table(csv, itertools.chain([["path", *paths]], rows))
@@ -98,19 +96,6 @@ def matrix(
     also = [entry.also for entry in entries]
     result = {"store": store, "paths": paths, "also": also, "distances": distances}
     tell(result, lines, written=[csv, figure], report=report)
-
-
-def _labels(paths: Sequence[str]) -> list[str]:
-    """Name files without their suffix; those whose names are alike from where they differ on."""
-    alike: dict[str, list[tuple[str, ...]]] = {}
-    for path in map(Path, paths):
-        alike.setdefault(path.stem, []).append(path.parts)
-    labels = []
-    for path in map(Path, paths):
-        columns = enumerate(zip(*alike[path.stem], strict=False))
-        first = next((i for i, column in columns if len(set(column)) > 1), None)
-        labels.append(path.stem if first is None else "/".join(path.parts[first:]))
-    return labels
 
 
 def groups(
