@@ -255,6 +255,10 @@ def test_a_page_of_too_many_shapes_is_refused_before_they_are_compared(
     monkeypatch.setattr(Collection, "search", None)
     done = run("search", "shapes", "stones/stone00.ply", "-n", 900, "--report", "out.html")
     assert (done.stderr, counts) == ("error: too many\n", [5])
+    monkeypatch.setattr(Collection, "distances", None)
+    for name in ("matrix", "groups"):
+        done = run(name, "shapes", "--report", "out.html")
+        assert (done.stderr, counts.pop()) == ("error: too many\n", 4)
     line = ["similarity", *["none.ply"] * 3, "--report", "out.html"]
     done = invoke(line)
     assert (done.stderr, counts) == ("error: too many\n", [5, 3])

@@ -208,7 +208,6 @@ def read_shown(
     shapes: Sequence[unbend.collection.Entry | unbend.collection.Hit], store: str
 ) -> list[unbend.Mesh]:
     """Read shapes to show them, and name on stderr what cannot be read."""
-    unbend.report.check_count(len(shapes))
     meshes, failures = unbend.collection.read_found(shapes, store)
     output.list_failures(failures)
     return meshes

@@ -77,7 +77,10 @@ def matrix(
     $ unbend collection matrix shapes --csv distances.csv --figure distances.png
     $ unbend collection matrix shapes --report distances.html
     """
-    entries, distances = opened(store, csv, figure, report).distances()
+    collection = opened(store, csv, figure, report)
+    if report is not None:
+        unbend.report.check_count(len(collection))
+    entries, distances = collection.distances()
     paths = [entry.path for entry in entries]
     # What may be refused comes first, so that no table is left of a command that failed.
     if report is not None:
@@ -116,7 +119,10 @@ def groups(
     $ unbend collection groups shapes -n 5 --csv groups.csv
     $ unbend collection groups shapes --report groups.html
     """
-    entries, distances = opened(store, csv, report).distances()
+    collection = opened(store, csv, report)
+    if report is not None:
+        unbend.report.check_count(len(collection))
+    entries, distances = collection.distances()
     numbers = unbend.collection.find_groups(distances, n).tolist()
     members: list[list[unbend.collection.Entry]] = [[] for _ in range(max(numbers) + 1)]
     for entry, number in zip(entries, numbers, strict=True):

@@ -239,7 +239,7 @@ def check_count(n: int) -> None:
     if n > MOST_SHAPES:
         raise InputError(
             f"a page shows {MOST_SHAPES} shapes at most, not {n:,}: their surfaces would be too "
-            "coarse or the file too large"
+            "coarse or the file too large; write a table or a figure instead"
         )
 
 
