@@ -35,7 +35,8 @@ def view(
 
       other: A second mesh, for pairs of landmarks.
       page: The page to write, .html; by default a temporary file.
-      values: Numbers per vertex of the first mesh (.npy, .csv, .txt), or a mesh with them.
+      values: Numbers or labels per vertex of the first mesh (.npy, .csv, .txt), or a mesh with
+          them. Whole numbers are labels.
       show: Open the page in a browser.
 
     $ unbend view cat.off
@@ -49,13 +50,13 @@ def view(
         raise InputError("--property is for --values; leave it out, or add the file")
     shapes = read_shapes([path for path in (mesh, other) if path is not None])
     hints = _landmarks(landmarks, shapes) if landmarks else None
-    scalars = None
+    shown = None
     if values is not None:
         n = shapes[0].n_vertices
-        scalars = unbend.io.read_values(values, n_vertices=n, name=property_name)
+        shown = unbend.io.read_values(values, n_vertices=n, name=property_name)
     progress("drawing", 0)
     second = shapes[1] if len(shapes) > 1 else None
-    made = unbend.report.view(shapes[0], second, hints, values=scalars, up=up)
+    made = unbend.report.view(shapes[0], second, hints, values=shown, up=up)
     if page is None or show:
         page = str(made.open(page))
     else:

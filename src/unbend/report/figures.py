@@ -272,17 +272,22 @@ def upright(up: str) -> FloatArray:
 def check_values(values: npt.ArrayLike, mesh: Mesh) -> FloatArray:
     """Numbers (n,), NaN where there is no face or none that is finite; InputError if none is."""
     array = numbers_of(values, "values")
-    if array.shape != (mesh.n_vertices,):
-        raise InputError(
-            f"{mesh.name} needs one number for each of {plural(mesh.n_vertices, 'vertex')}, but "
-            f"values have shape {array.shape}"
-        )
+    check_one_each(array, mesh, "number")
     drawn = np.full(mesh.n_vertices, np.nan)
     drawn[mesh.faces] = array[mesh.faces]
     drawn[np.isinf(drawn)] = np.nan
     if np.isnan(drawn).all():
         raise InputError("none of the values on faces is finite: there is nothing to draw")
     return drawn
+
+
+def check_one_each(values: npt.NDArray[Any], mesh: Mesh, what: str) -> None:
+    """Raise InputError if there is not one value for each vertex."""
+    if values.shape != (mesh.n_vertices,):
+        raise InputError(
+            f"{mesh.name} needs one {what} for each of {plural(mesh.n_vertices, 'vertex')}, but "
+            f"values have shape {values.shape}"
+        )
 
 
 def fit_rigidly(

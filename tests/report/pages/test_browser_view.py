@@ -483,6 +483,17 @@ def test_values_and_edges_are_drawn_and_told(browser, dogs, tmp_path, screenshot
     browser.run("part('wire').click()")
     browser.settle()
     assert changed(start, browser.picture("#shape-0", save=screenshots / "edges.png")) > 0.03
+    height = dogs[0].vertices[:, 1]
+    labels = np.where(height > np.median(height), 1000, 17)
+    view(dogs[0], values=labels, path=tmp_path / "labels.html")
+    browser.open(tmp_path / "labels.html")
+    browser.picture("#shape-0", save=screenshots / "labels.png")
+    browser.click(*browser.middle("#shape-0", 0.0, 0.1))
+    vertex = browser.run("+part('vertex-0').value")
+    assert browser.run("part('readout').textContent").endswith(f", value {labels[vertex]}")
+    drawn = "View.all[0].meshes[0].place.map((share) => Math.round(255 * share))"
+    colors = np.reshape(browser.run(f"Array.from({drawn})"), (-1, 3))
+    assert np.unique(colors, axis=0).tolist() == [[0, 114, 178], [230, 159, 0]]
 
 
 def test_a_picture_is_saved(page, tmp_path) -> None:

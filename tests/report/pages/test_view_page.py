@@ -43,6 +43,7 @@ def test_what_does_not_fit_is_refused(blob: Mesh, tmp_path: Path) -> None:
         (np.zeros(5), "one number for each of 642 vertices"),
         (np.zeros((642, 2)), "one number for each of 642 vertices"),
         (np.full(642, np.nan), "none of the values"),
+        (["leg"] * 5, "one label for each of 642 vertices"),
     ):
         with pytest.raises(InputError, match=told):
             view(blob, values=values)
@@ -71,10 +72,24 @@ def test_constant_values_are_shown(blob: Mesh) -> None:
 
 
 def test_a_page_says_what_its_values_are(blob: Mesh) -> None:
-    html = view(blob, values=np.arange(642), label="height <b>", note="Of 1 & 2.").html
+    html = view(blob, values=np.arange(642.0), label="height <b>", note="Of 1 & 2.").html
     for told in ("height &lt;b&gt;: 0 to 641. Of 1 &amp; 2.</p>", "by height &lt;b&gt;<"):
         assert told in html
     assert 'Height &lt;b&gt;: 0 <span class="scale">' in html
+
+
+def test_whole_numbers_and_text_are_labels(blob: Mesh) -> None:
+    html = view(blob, values=np.resize(["", "<leg>", "tail"], 642), label="part").html
+    assert "part: 3 labels" in html
+    legend = re.findall(r'fill="rgb(\(.*?\))"/></svg> (.*?)[,.]<?', html)
+    assert legend == [
+        ("(153, 153, 153)", "none"),
+        ("(0, 114, 178)", "&lt;leg&gt;"),
+        ("(230, 159, 0)", "tail"),
+    ]
+    html = view(blob, values=np.resize(np.arange(20), 642)).html
+    assert "value: 20 labels" in html
+    assert "</svg> 11, and 8 more." in html
 
 
 def test_a_page_opens_in_a_browser(

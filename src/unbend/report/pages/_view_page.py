@@ -10,18 +10,20 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from unbend._arrays import array_of
 from unbend._text import plural
-from unbend._types import FloatArray, StrPath
+from unbend._types import StrPath
 from unbend.choices import Axis
-from unbend.io import MeshLike
+from unbend.io import MeshLike, value_colors
 from unbend.mesh import Mesh
-from unbend.report.figures import check_values, drawable
+from unbend.report.figures import check_one_each, check_values, drawable
 from unbend.report.pages import _document as parts
 from unbend.report.pages._document import Page
 from unbend.report.pages._shown import checked_landmarks, pack_places, pack_whole, show
 
 # Saved positions and values are exact to this share of the widest range.
 _STEPS = 2**20
+_MOST_NAMED = 12  # labels below the shapes
 _HINT = (
     "Point at a place to read its vertex; click to place a landmark, drag a landmark to move it. "
     "Drag elsewhere to turn, shift-drag to shift, wheel or + and - to zoom, 0 to start over."
@@ -52,10 +54,11 @@ def view(
         A second shape: landmarks are then pairs of vertices that correspond.
     landmarks : (l, 2) array_like of int, or (l,) array_like of int, or mapping from str
         Vertices of both shapes, counted from 0; of one shape, its vertices; either perhaps by name.
-    values : (n,) array_like of float, optional
-        A number for each vertex of `a`, shown as colours; NaN is grey.
+    values : (n,) array_like of float, int, bool or str, optional
+        A value for each vertex of `a`, shown as colours. Floats are numbers, and go from light to
+        dark; others are labels, of seven colours in turn. NaN, -1 and "" are grey.
     label : str, default="value"
-        What such a number is.
+        What such a value is.
     note : str, default=""
         A sentence to show above the shapes.
     path, up
@@ -88,17 +91,17 @@ def view(
     parts.begin_page(path, up)
     meshes = [drawable(one) for one in (a, b) if one is not None]
     names = [mesh.name for mesh in meshes]
-    scalars = None if values is None else check_values(values, meshes[0])
+    checked = None if values is None else _checked(values, meshes[0])
     packed, lead = [], []
     for i, mesh in enumerate(meshes):
-        one, facts = _packed(mesh, None if i else scalars, label)
+        one, facts = _packed(mesh, None if i else checked, label)
         packed.append(one)
         lead.append(f"{mesh.name}: {'; '.join(facts)}.")
     named = checked_landmarks(landmarks, meshes)
     return parts.make_page(
         " and ".join(names),
         " ".join([*lead, note]).strip(),
-        [_pictures(names, up, packed[0].get("limits"), label), _table(names)],
+        [_pictures(names, up, packed[0]), _table(names)],
         {"shapes": packed, "landmarks": [{"name": name, "at": at} for name, at in named]},
         ("landmarks.js", "view.js"),
         path=path,
@@ -106,7 +109,18 @@ def view(
     )
 
 
-def _packed(mesh: Mesh, scalars: FloatArray | None, label: str) -> tuple[dict[str, Any], list[str]]:
+def _checked(values: npt.ArrayLike, mesh: Mesh) -> npt.NDArray[Any]:
+    """Numbers as floats, or labels of another type, one of each vertex."""
+    array = array_of(values, "values")
+    if array.dtype.kind not in "biuU":
+        return check_values(array, mesh)
+    check_one_each(array, mesh, "label")
+    return array
+
+
+def _packed(
+    mesh: Mesh, values: npt.NDArray[Any] | None, label: str
+) -> tuple[dict[str, Any], list[str]]:
     """Pack a shape, perhaps with values, and tell of it."""
     shown = show(mesh)
     packed = shown.packed() | {"name": mesh.name, "standIns": pack_whole(shown.stand_ins)}
@@ -117,13 +131,21 @@ def _packed(mesh: Mesh, scalars: FloatArray | None, label: str) -> tuple[dict[st
     packed["places"] = pack_places(shown.places, widest / _STEPS or None)
     size = f"{plural(mesh.n_vertices, 'vertex')}, {plural(mesh.n_faces, 'face')}"
     facts = [size, *mesh.notes, *shown.facts]
-    if scalars is not None:
-        low, high = limits = float(np.nanmin(scalars)), float(np.nanmax(scalars))
+    if values is None:
+        return packed, facts
+    packed["label"] = label
+    if values.dtype.kind == "f":
+        low, high = packed["limits"] = float(np.nanmin(values)), float(np.nanmax(values))
         facts.append("{}: {} to {}".format(label, *_told_apart(low, high)))
-        seen = scalars[shown.ids, None]
+        seen = values[shown.ids, None]
         packed["values"] = pack_places(seen, (high - low) / _STEPS or None)
         packed["known"] = pack_whole(np.isfinite(seen))
-        packed |= {"limits": limits, "label": label}
+    else:
+        labels, numbers = np.unique(values, return_inverse=True)
+        packed["labels"] = labels.tolist()
+        facts.append(f"{label}: {plural(len(labels), 'label')}")
+        packed["values"] = pack_whole(numbers[shown.ids])
+        packed["colors"] = pack_whole(value_colors(values, kind="label")[shown.ids])
     return packed, facts
 
 
@@ -134,13 +156,12 @@ def _told_apart(low: float, high: float) -> tuple[str, str]:
     return f"{low:.{digits}g}", f"{high:.{digits}g}"
 
 
-def _pictures(names: list[str], up: str, limits: tuple[float, float] | None, label: str) -> str:
+def _pictures(names: list[str], up: str, first: dict[str, Any]) -> str:
     paints, legend = {"2": "plain", "0": "by place"}, ""
-    if limits is not None:
+    if "values" in first:
+        label = first["label"]
         paints = {"1": f"by {label}"} | paints
-        low, high = _told_apart(*limits)
-        begin = escape(f"{label[:1].upper()}{label[1:]}: {low}")
-        legend = parts.hint(f'{begin} <span class="scale"></span> {high}.')
+        legend = parts.hint(f"{escape(label[:1].upper() + label[1:])}: {_legend(first)}.")
     views = [
         parts.canvas(
             f"shape-{side}",
@@ -156,6 +177,21 @@ def _pictures(names: list[str], up: str, limits: tuple[float, float] | None, lab
     ]
     paint = parts.select("Colours", "paint", paints)
     return parts.side_by_side(paint, up, views) + legend + parts.hint(_HINT)
+
+
+def _legend(shape: dict[str, Any]) -> str:
+    if "limits" in shape:
+        low, high = _told_apart(*shape["limits"])
+        return f'{low} <span class="scale"></span> {high}'
+    labels = shape["labels"]
+    colors = map(tuple, value_colors(labels, kind="label").tolist())
+    chips = [
+        f'<svg class="swatch"><rect width="100%" height="100%" fill="rgb{color}"/></svg> '
+        f"{escape(str(one)) or 'none'}"
+        for one, color in zip(labels[:_MOST_NAMED], colors, strict=False)
+    ]
+    more = len(labels) - len(chips)
+    return ", ".join([*chips, f"and {more:,} more"] if more else chips)
 
 
 def _table(names: list[str]) -> str:

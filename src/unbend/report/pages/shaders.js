@@ -86,6 +86,8 @@ void main() {
     color = heat(clamp(amount, 0.0, 1.0));
   } else if (paint == 3) {
     color = bothWays(clamp(amount, -1.0, 1.0));
+  } else if (paint == 4) {
+    color = where;
   }
   if (paint != 2 && sure < 0.999) color = vec3(0.62);
   vec3 key = normalize(vec3(-0.45, 0.65, 0.62)), fill = normalize(vec3(0.75, 0.1, 0.65));

@@ -13,16 +13,19 @@ start(async ({ shapes, landmarks: given }) => {
     const { places, faces, values, known, limits } = shape, room = roomFor(places), box = boxAround(places);
     Object.assign(shape, numbering(shape.ids), { size: 2 * room.radius, cursor: -1 });
     shape.seen = (id) => shape.standIns[id] ?? -1;
-    const value = values?.map((one) => (one - limits[0]) / (limits[1] - limits[0] || 1));
+    const value = limits && values.map((one) => (one - limits[0]) / (limits[1] - limits[0] || 1));
     const view = new View(part(`shape-${side}`), camera, room);
     view.cells = box.cells;
-    view.add({ positions: places, faces, place: placesIn(box, places), value, known });
+    shape.shares = placesIn(box, places);
+    view.add({ positions: places, faces, place: shape.shares, value, known });
     return view;
   });
   listenToControls(views);
   function color() {
     views.forEach((view, side) => {
-      view.change({ paint: paint.value === "1" && !shapes[side].values ? 2 : +paint.value });
+      const { values, labels, colors, shares } = shapes[side], byValue = paint.value === "1";
+      if (labels) view.set("place", byValue ? Float32Array.from(colors, (one) => one / 255) : shares);
+      view.change({ paint: !byValue ? +paint.value : labels ? 4 : values ? 1 : 2 });
     });
   }
   paint.addEventListener("change", color);
@@ -78,9 +81,10 @@ start(async ({ shapes, landmarks: given }) => {
     readout.textContent = vertex < 0 ? "" : told(shape, vertex);
   }
 
-  function told({ name, number, places, size, values, known, limits, label }, vertex) {
+  function told({ name, number, places, size, values, known, limits, labels, label }, vertex) {
     const place = row(places, vertex).map((x) => rounded(x, size)).join(", ");
-    const value = known?.[vertex] ? rounded(values[vertex], limits[1] - limits[0]) : "unknown";
+    const value = labels ? String(labels[values[vertex]]) || "none"
+      : known?.[vertex] ? rounded(values[vertex], limits[1] - limits[0]) : "unknown";
     return `${name}: vertex ${number(vertex)} at (${place})${values ? `, ${label} ${value}` : ""}`;
   }
 
