@@ -246,4 +246,4 @@ def _to_others(piece: IntArray, apart: FloatArray, there: IntArray) -> IntArray:
 
 def _merged(piece: IntArray, links: IntArray) -> IntArray:
     """Renumber pieces after links have joined some."""
-    return np.asarray(label_linked(piece[links].T, piece.max() + 1)[piece])
+    return np.asarray(label_linked(piece[links].T, int(piece.max()) + 1)[piece])

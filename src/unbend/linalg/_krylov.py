@@ -83,7 +83,7 @@ class KrylovBasis:
         old = self._columns[:, : self.size]
         along = np.zeros((self.size, count))
         beyond = np.eye(count)
-        before = column_lengths(block).max()
+        before = float(column_lengths(block).max())
         while True:
             step = inner(old, block)
             along += step @ beyond

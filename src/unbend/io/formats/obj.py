@@ -233,7 +233,7 @@ def _normals(data: bytes, vertices: FloatArray) -> tuple[FloatArray, set[int], i
     normal = np.minimum(shared, n_normals)  # those that do not exist share the last row
     normals = _unit(sum_rows(normal, of_faces[face], n_normals + 1))
     _, pair = np.unique(normal * len(vertices) + corners, return_inverse=True)
-    at_vertices = _unit(sum_rows(pair, of_faces[face], pair.max() + 1))[pair]
+    at_vertices = _unit(sum_rows(pair, of_faces[face], int(pair.max()) + 1))[pair]
     agree = (at_vertices * normals[normal]).sum(axis=1) >= _COSINE
     apart = ~agree & np.isfinite(at_vertices).all(axis=1) & (normal < n_normals)
     return normals[:n_normals], {numbers[i] for i in face[apart].tolist()}, n_faces

@@ -260,7 +260,7 @@ def _read_shapes(
         drawn = None
         if mesh.n_faces:
             shown = show(mesh, most)
-            thinned += len(shown.ids) < (shown.stand_ins >= 0).sum()
+            thinned += int(len(shown.ids) < np.count_nonzero(shown.stand_ins >= 0))
             drawn = {"places": pack_places(shown.places), "faces": pack_whole(shown.faces)}
         packed.append({"name": mesh.name, "told": facts, "drawn": drawn})
     said = "all shapes are drawn as they are"
