@@ -49,6 +49,11 @@ def test_none_and_three() -> None:
     assert find_groups(np.abs(places[:, None] - places)).tolist() == [0, 1, 0]
 
 
+def test_few_that_are_far_off_do_not_hide_the_groups_of_the_others() -> None:
+    table = cdist(*2 * [np.vstack([POINTS, POINTS[:3] + 200])])
+    assert len(np.unique(find_groups(table))) == 4
+
+
 def test_at_most_50_groups_are_tried() -> None:
     places = np.repeat(np.arange(60.0) ** 2, 2)  # 60 pairs
     assert len(np.unique(find_groups(np.abs(places[:, None] - places)))) == 50

@@ -1,4 +1,4 @@
-"""Heat maps have their names in the order of the dendrogram, which is that of average linkage."""
+"""Heat maps have their names in the order of the dendrogram, which is that of Ward's linkage."""
 
 from pathlib import Path
 
@@ -41,7 +41,8 @@ def test_what_does_not_fit_is_refused(draw) -> None:
         draw(["a"], [[1]], "a.png")
 
 
-def test_joins_are_as_high_as_the_mean_distance_between_their_branches() -> None:
+def test_joins_are_as_high_as_they_spread_their_branches() -> None:
+    """Half the square is what a join adds to the squared distances from the branch's centroid."""
     points = np.random.default_rng(3).random((9, 2))
     distances = np.linalg.norm(points[:, None] - points, axis=2)
     order, heights, places = join_alike(distances, alike=False)
@@ -51,9 +52,12 @@ def test_joins_are_as_high_as_the_mean_distance_between_their_branches() -> None
     rows = sorted(zip(heights, places, strict=True), key=lambda row: row[0][1])
     for height, ends in rows:
         first, second = members.pop(ends[0]), members.pop(ends[3])
-        mean = distances[np.ix_(list(first), list(second))].mean()
-        assert height[1] == height[2] == pytest.approx(mean)
-        members[(ends[0] + ends[3]) / 2] = first | second
+        both = first | second
+        added = [((points[list(one)] - points[list(one)].mean(axis=0)) ** 2).sum()
+                 for one in (both, first, second)]  # fmt: skip
+        spread = np.sqrt(2 * (added[0] - added[1] - added[2]))
+        assert height[1] == height[2] == pytest.approx(spread)
+        members[(ends[0] + ends[3]) / 2] = both
     assert len(members) == 1
 
 
@@ -61,4 +65,5 @@ def test_what_is_unknown_is_far_apart() -> None:
     table = np.array([[1.0, 0.9, np.nan], [0.9, 1.0, 0.2], [np.nan, 0.2, 1.0]])
     for values in (table, 1 - table):
         _, heights, _ = join_alike(values, alike=values is table)
-        assert sorted(heights[:, 1]) == pytest.approx([0.1, 0.9])
+        last = np.sqrt((2 * (1 + 0.8**2) - 0.1**2) / 3)
+        assert sorted(heights[:, 1]) == pytest.approx([0.1, last])

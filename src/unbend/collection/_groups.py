@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from unbend._arrays import is_whole, numbers_of
+from unbend._arrays import is_whole, numbers_of, snap
 from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError
 
@@ -13,14 +13,16 @@ _ROUNDING = 1e-9  # share of the largest distance by which a table may not be sy
 
 
 def find_groups(distances: FloatArray, n_groups: int | None = None) -> IntArray:
-    """Group shapes by average linkage, cut where the groups are most distinct.
+    """Group shapes by Ward's linkage, cut where the groups are most distinct.
 
     Parameters
     ----------
     distances : (n, n) ndarray of float64
         Symmetric, 0 on the diagonal.
     n_groups : int, optional
-        How many groups; by default, of 2 to 50, the number with the largest mean silhouette.
+        How many groups; by default, of 2 to 50, the number with the largest mean silhouette. That
+        is of ranks instead of distances (how many others are nearer), so that a few shapes that
+        are far from all others do not decide.
 
     Returns
     -------
@@ -35,6 +37,8 @@ def find_groups(distances: FloatArray, n_groups: int | None = None) -> IntArray:
 
     References
     ----------
+    Ward, "Hierarchical grouping to optimize an objective function", Journal of the American
+    Statistical Association 58, 1963.
     Rousseeuw, "Silhouettes: a graphical aid to the interpretation and validation of cluster
     analysis", Journal of Computational and Applied Mathematics 20, 1987.
 
@@ -48,6 +52,7 @@ def find_groups(distances: FloatArray, n_groups: int | None = None) -> IntArray:
     """
     from scipy.cluster.hierarchy import fcluster, linkage
     from scipy.spatial.distance import squareform
+    from scipy.stats import rankdata
 
     distances = np.atleast_1d(numbers_of(distances, "distances"))
     n = len(distances)
@@ -61,10 +66,15 @@ def find_groups(distances: FloatArray, n_groups: int | None = None) -> IntArray:
         raise InputError(f"distances must be symmetric and 0 on the diagonal, not off by {skew:g}")
     if n < 3:
         return np.arange(n) % (n_groups or 1)
-    tree = linkage(squareform(distances, checks=False), "average")
+    tree = linkage(squareform(distances, checks=False), "ward")
     tried = [n_groups] if n_groups else range(2, min(_MOST_TRIED, n - 1) + 1)
     cuts = [fcluster(tree, count, "maxclust") for count in tried]
-    best = cuts[0] if n_groups else max(cuts, key=lambda labels: silhouette(distances, labels))
+    best = cuts[0]
+    if len(cuts) > 1:
+        ranks = rankdata(snap(distances), axis=1)
+        ranks += ranks.T.copy()
+        np.fill_diagonal(ranks, 0)
+        best = max(cuts, key=lambda labels: silhouette(ranks, labels))
     _, firsts, group, sizes = np.unique(
         best, return_index=True, return_inverse=True, return_counts=True
     )

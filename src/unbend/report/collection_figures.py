@@ -1,4 +1,4 @@
-"""Heat maps of how far apart or how alike many shapes are, ordered by average linkage."""
+"""Heat maps of how far apart or how alike many shapes are, ordered by Ward's linkage."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MOST_NAMES, _MOST_NUMBERS = 150, 20  # more would be too small to read
 
 
 def draw_distances(names: Sequence[str], distances: npt.ArrayLike, path: StrPath) -> None:
-    """Write a heat map of distances and the dendrogram that orders it, by average linkage.
+    """Write a heat map of distances and the dendrogram that orders it, by Ward's linkage.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def checked_table(values: npt.ArrayLike, n: int) -> FloatArray:
 
 
 def join_alike(values: FloatArray, *, alike: bool) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Cluster two shapes or more by average linkage, from similarities or distances (n, n).
+    """Cluster two shapes or more by Ward's linkage, from similarities or distances (n, n).
 
     What is unknown is at distance 1. Gives the order of the leaves, and for each join the heights
     and places of a bracket, both (n - 1, 4), that lead from one branch up to the join, along it,
@@ -122,7 +122,7 @@ def join_alike(values: FloatArray, *, alike: bool) -> tuple[IntArray, FloatArray
 
     far = np.nan_to_num(1 - values if alike else values, nan=1.0)
     near = squareform(np.maximum(far + far.T, 0) / 2, checks=False)
-    tree = linkage(near, "average", optimal_ordering=len(values) <= 1000)
+    tree = linkage(near, "ward", optimal_ordering=len(values) <= 1000)
     drawn = dendrogram(tree, no_plot=True)
     # SciPy puts leaf i at 10 i + 5.
     places = (np.array(drawn["icoord"]) - 5) / 10

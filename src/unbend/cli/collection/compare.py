@@ -110,8 +110,8 @@ def groups(
 ) -> None:
     """Group similar shapes, whatever their poses, without labels.
 
-    The groups are those of average linkage of the descriptors. By default their number has the
-    largest mean silhouette.
+    The groups are those of Ward's linkage of the descriptors. By default their number has the
+    largest mean silhouette, of ranks.
 
       n: Number of groups, by default the best of 2 to 50.
 

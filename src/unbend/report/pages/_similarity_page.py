@@ -125,7 +125,7 @@ def similarity_page(
             blocks.append(parts.section(heading, _cards(names, members)))
     facts = [
         ("values", f"{measure}, {high:g} for the same shape"),
-        ("dendrogram", "average linkage; the most alike stand beside each other"),
+        ("dendrogram", "Ward's linkage; the most alike stand beside each other"),
         ("for display", said),
     ]
     known = np.where(np.isfinite(array), array, -1.0)
