@@ -110,9 +110,10 @@ def test_smaller_components_of_a_match_keep_their_form_beside_what_is_nearest(t:
 
 def test_shapes_in_different_units_are_told(blob: Mesh) -> None:
     large = Mesh(1000 * blob.vertices, blob.faces, name="mm.obj")
+    smaller = Mesh(9 * blob.vertices, blob.faces, name="mm.obj")  # where the other is in cm
     every = np.arange(blob.n_vertices)
-    for pair in ((blob, large), (large, blob)):
-        with pytest.warns(UnbendWarning, match=r"mm\.obj is 1,000 times as large as"):
+    for pair, times in (((blob, large), "1,000"), ((large, blob), "1,000"), ((blob, smaller), 9)):
+        with pytest.warns(UnbendWarning, match=rf"mm\.obj is {times} times as large as"):
             morph(*pair, every, 0.5)
         morph(*pair, every, 1)
 

@@ -101,7 +101,7 @@ def mean_shape(
     Warns
     -----
     UnbendWarning
-        If sizes are kept, and one is more than ten times another.
+        If sizes are kept, and one is more than five times another.
 
     Examples
     --------

@@ -21,7 +21,7 @@ from unbend.matching import Match
 from unbend.mesh import Mesh, edge_ends
 from unbend.preparation import join_seams, restrict
 
-_MOST_RATIO = 10  # of sizes of one kind of shape, in one unit
+_MOST_RATIO = 5  # of sizes in one unit: millimetres and centimetres seldom differ by just ten
 
 # Rotations are averaged over so many rings of neighbours, which hides the rounding to vertices.
 _AVERAGED_RINGS = 4
@@ -63,7 +63,7 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
     Warns
     -----
     UnbendWarning
-        If one shape is more than ten times as large as the other, unless `t` is 0 or 1.
+        If one shape is more than five times as large as the other, unless `t` is 0 or 1.
 
     Notes
     -----
