@@ -251,6 +251,10 @@ def test_landmarks_without_a_partner_are_named_and_not_counted(folder: Path) -> 
     assert "landmark tail corresponds to no vertex of b.ply" in done.stderr
     assert "2 values (landmarks)" in done.stdout
     assert read_markups("b.mrk.json", TARGET)[0] == ["nose", "paw"]
+    write_markups("a.mrk.json", SOURCE, [3, 500, 77], ["", "", ""])
+    done = right(*line, "-o", "b.mrk.json", "--quiet")
+    assert "landmark 2 corresponds to no vertex of b.ply" in done.stderr
+    assert read_markups("b.mrk.json", TARGET)[0] == ["1", "3"]  # by order they would pair wrongly
 
 
 def test_a_map_of_other_meshes_is_refused(folder: Path) -> None:

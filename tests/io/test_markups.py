@@ -110,6 +110,8 @@ def test_fcsv(tmp_path: Path, axes: str | None, sign: int) -> None:
         ("a.csv", ",Landmark,X,Y,Z\n1,nose,3,1,1\n2,tail,1,3,3\n", ["nose", "tail"]),
         ("a.txt", "3 1 1\n 1\t3   3\n", ["", ""]),
         ("a.txt", "nose, 3, 1, 1\ntail, 1, 3, 3\n", ["nose", "tail"]),
+        ("a.csv", "label,vertex\nnose,4\ntail,3\n", ["nose", "tail"]),  # of unbend view
+        ("a.csv", '"","label","vertex"\n"1","nose",4\n"2","tail",3\n', ["nose", "tail"]),
         ("a.pts", "Version 1.0\n2\nS000 3 1 1\nS001 1 3 3\n", ["S000", "S001"]),
     ],
 )
@@ -129,7 +131,8 @@ def test_tables_of_points(tmp_path: Path, name: str, text: str, labels: list[str
         ("x;y;z\n3,0;1;1\n", "row 0 holds '3,0;1;1'; .* with decimal points"),
         ("a,b,c\n3,1,1\n", "row 0 holds 'a,b,c'"),
         ("x,y,z\n3 1 1\n", "row 0 holds '3 1 1'"),
-        ("label,vertex\nnose,4\n", "numbers of vertices, not points"),
+        ("label,vertex\nnose,9\n", "point 'nose' is vertex 9, but mesh has 9 vertices"),
+        ("label,vertex\nnose,4.5\n", "row 0 holds 'nose,4.5'; a landmark is a label and the"),
         ("3,1,1\n3,3.2,1\n", "point '2' is 0.2 from mesh, more than 3 %"),
         ("3,1,nan\n", "point '1' has no position"),
         ('3,1,"1\n', "not a table"),

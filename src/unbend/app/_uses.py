@@ -113,7 +113,8 @@ def transfer(work: Work, values: Sequence[str] | None = None, column: str | None
     if markups:
         labels, rows = io.read_markups(path, source)
         carried = found.source_to_target[rows]
-        kept, at = [labels[i] for i in np.flatnonzero(carried >= 0)], carried[carried >= 0]
+        there = np.flatnonzero(carried >= 0)
+        kept, at = [labels[i] or f"{i + 1}" for i in there], carried[there]
         io.write_markups(work.new_file(out, "the landmarks, for 3D Slicer"), target, at, kept)
         by_label = dict(zip(kept, at.tolist(), strict=True))  # several may have one label
         shown: Any = by_label if len(by_label) == len(kept) else at

@@ -89,9 +89,10 @@ def transfer(
         images = forward[array]
         there = np.flatnonzero(images >= 0)
         carried = images[there]
+        labels = [label or f"{i + 1}" for i, label in enumerate(labels)]  # which of them are left
         io.write_markups(out, b, carried, [labels[i] for i in there])
         for i in np.flatnonzero(images < 0):
-            output.say("note", f"landmark {labels[i]} corresponds to no vertex of {b.name}")
+            output.say("warning", f"landmark {labels[i]} corresponds to no vertex of {b.name}")
     else:
         carried = unbend.transfer(array, found, kind=chosen, source=a, target=b)
         is_mesh = out.lower().endswith(io.COLOR_SUFFIXES)

@@ -50,7 +50,8 @@ def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
         there; any other is moved to the nearest vertex. Points in RAS are turned to LPS, in which
         Slicer writes meshes. Or a .pp file of MeshLab, without the points that are not active. Or
         a .csv, .txt or .pts table: x, y and z in each row, perhaps after a label, or in columns of
-        these names, with a label in the first or in one called label, name or landmark.
+        these names, with a label in the first or in one called label, name or landmark; or columns
+        label and vertex, as the page of ``unbend view`` saves landmarks of one mesh.
     mesh : mesh-like
         The mesh with the points on it.
 
@@ -107,7 +108,7 @@ def _read(path: Path, around: _Places) -> tuple[list[str], IntArray, FloatArray]
     with prefixed(path.name):
         try:
             if suffix in _TABLES:
-                points = _table(data, suffix)
+                points = _table(data, suffix, mesh.vertices)
             else:
                 points = {".json": _mrk_json, ".fcsv": _fcsv, ".pp": _pp}[suffix](data)
         except FileError:
@@ -119,9 +120,6 @@ def _read(path: Path, around: _Places) -> tuple[list[str], IntArray, FloatArray]
             raise FileError("holds no points")
         for i, (label, description, position) in enumerate(points):
             label = label or f"{i + 1}"
-            if not np.isfinite(position).all():
-                raise FileError(f"point {label!r} has no position: place it, or delete it")
-            distance, nearest = tree.query(position)
             number = re.fullmatch(r"vertex (\d{1,18})", description)
             described = int(number[1]) if number else -1
             if described >= mesh.n_vertices:
@@ -129,6 +127,9 @@ def _read(path: Path, around: _Places) -> tuple[list[str], IntArray, FloatArray]
                     f"point {label!r} is {description}, but {mesh.name} has "
                     f"{plural(mesh.n_vertices, 'vertex')}"
                 )
+            if not np.isfinite(position).all():
+                raise FileError(f"point {label!r} has no position: place it, or delete it")
+            distance, nearest = tree.query(position)
             moved = math.dist(mesh.vertices[described], position)
             if described >= 0 and moved <= _MOVED * size:
                 vertex = described
@@ -153,7 +154,7 @@ def _read(path: Path, around: _Places) -> tuple[list[str], IntArray, FloatArray]
     if shared > 0:
         warn(
             f"{path.name}: {plural(shared, 'point')} at the same vertex of {mesh.name} as another "
-            "one: is the mesh in another unit?"
+            "one: is the mesh too coarse, or in another unit?"
         )
     if n_moved:
         warn(
@@ -288,8 +289,11 @@ def _pp(data: bytes) -> list[_Point]:
     ]
 
 
-def _table(data: bytes, suffix: str) -> list[_Point]:
-    """Rows of x, y, z, perhaps after a label, or columns of these names; IDAV's .pts likewise."""
+def _table(data: bytes, suffix: str, vertices: FloatArray) -> list[_Point]:
+    """Rows of x, y, z, perhaps after a label, or columns of these names; IDAV's .pts likewise.
+
+    Or columns label and vertex, as the page of unbend view saves landmarks of one mesh.
+    """
     lines = data_lines(data, suffix[1:])
     if suffix == ".pts" and lines and re.match(r"version", lines[0], re.IGNORECASE):
         lines = lines[2:]  # how many there are
@@ -302,8 +306,17 @@ def _table(data: bytes, suffix: str) -> list[_Point]:
     except csv.Error as error:
         raise FileError(f"not a table: {error}") from None
     names = [name.lower() for name in rows[0]] if rows else []
-    if names == ["label", "vertex"]:
-        raise FileError("holds numbers of vertices, not points: load it on the page of unbend view")
+    if {"label", "vertex"} <= set(names) and "x" not in names:
+        label, number = names.index("label"), names.index("vertex")
+        for i, row in enumerate(rows[1:]):
+            if len(row) != len(names) or not re.fullmatch(r"\d{1,18}", row[number]):
+                meant = "a label and the number of a vertex"
+                raise misfit(f"row {i}", between.join(row), f"; a landmark is {meant}")
+        places = np.vstack([vertices, np.full(3, np.nan)])  # the last of numbers that are too high
+        return [
+            (row[label], f"vertex {row[number]}", places[min(int(row[number]), len(vertices))])
+            for row in rows[1:]
+        ]
     at, label, first = [-3, -2, -1], 0, 0
     if {"x", "y", "z"} <= set(names):
         at, first = [names.index(axis) for axis in "xyz"], 1
