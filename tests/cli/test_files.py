@@ -245,10 +245,11 @@ def test_values_that_do_not_fit_their_kind_are_refused_before_matching(folder: P
 
 def test_landmarks_without_a_partner_are_named_and_not_counted(folder: Path) -> None:
     write_markups("a.mrk.json", SOURCE, [3, 500, 77], ["nose", "tail", "paw"])
-    write_map("torn.csv", np.where(SAME == 500, -1, SAME))
+    write_map("torn.csv", np.select([SAME == 500, SAME == 77], [-1, 3], SAME))
     line = ["transfer", "a.ply", "b.ply", "--map", "torn.csv", "--values", "a.mrk.json"]
     done = right(*line, "-o", "b.mrk.json")
     assert "landmark tail corresponds to no vertex of b.ply" in done.stderr
+    assert "1 landmark at the same vertex of b.ply as another one" in done.stderr
     assert "2 values (landmarks)" in done.stdout
     assert read_markups("b.mrk.json", TARGET)[0] == ["nose", "paw"]
     write_markups("a.mrk.json", SOURCE, [3, 500, 77], ["", "", ""])

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import typer
 
 import unbend
+from unbend._text import plural
 from unbend.choices import ValueKind
 from unbend.cli import _options as options
 from unbend.cli import _output as output
@@ -93,6 +94,10 @@ def transfer(
         io.write_markups(out, b, carried, [labels[i] for i in there])
         for i in np.flatnonzero(images < 0):
             output.say("warning", f"landmark {labels[i]} corresponds to no vertex of {b.name}")
+        met = len(np.unique(array[there])) - len(np.unique(carried))
+        if met:
+            at_one = f"{plural(met, 'landmark')} at the same vertex of {b.name} as another one"
+            output.say("warning", f"{at_one}: take a mesh with more vertices")
     else:
         carried = unbend.transfer(array, found, kind=chosen, source=a, target=b)
         is_mesh = out.lower().endswith(io.COLOR_SUFFIXES)
