@@ -108,6 +108,8 @@ def test_fcsv(tmp_path: Path, axes: str | None, sign: int) -> None:
         ("a.csv", "id,Label,X,Y,Z\n7,nose,3,1,1\n8,tail,1,3,3\n", ["nose", "tail"]),
         ("a.csv", '"","x","y","z"\n"nose",3,1,1\n"tail",1,3,3\n', ["nose", "tail"]),  # R
         ("a.csv", ",Landmark,X,Y,Z\n1,nose,3,1,1\n2,tail,1,3,3\n", ["nose", "tail"]),
+        ("a.csv", "label,l,p,s,defined\nnose,3,1,1,1\ntail,1,3,3,1\n", ["nose", "tail"]),  # Slicer
+        ("a.csv", "label,r,a,s\nnose,-3,-1,1\ntail,-1,-3,3\n", ["nose", "tail"]),
         ("a.txt", "3 1 1\n 1\t3   3\n", ["", ""]),
         ("a.txt", "nose, 3, 1, 1\ntail, 1, 3, 3\n", ["nose", "tail"]),
         ("a.csv", "label,vertex\nnose,4\ntail,3\n", ["nose", "tail"]),  # of unbend view
@@ -135,6 +137,7 @@ def test_tables_of_points(tmp_path: Path, name: str, text: str, labels: list[str
         ("label,vertex\nnose,4.5\n", "row 0 holds 'nose,4.5'; a landmark is a label and the"),
         ("3,1,1\n3,3.2,1\n", "point '2' is 0.2 from mesh, more than 3 %"),
         ("3,1,nan\n", "point '1' has no position"),
+        ("label,l,p,s,defined\nnose,3,1,1,0\n", "point 'nose' has no position"),
         ('3,1,"1\n', "not a table"),
     ],
 )

@@ -50,8 +50,9 @@ def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
         there; any other is moved to the nearest vertex. Points in RAS are turned to LPS, in which
         Slicer writes meshes. Or a .pp file of MeshLab, without the points that are not active. Or
         a .csv, .txt or .pts table: x, y and z in each row, perhaps after a label, or in columns of
-        these names, with a label in the first or in one called label, name or landmark; or columns
-        label and vertex, as the page of ``unbend view`` saves landmarks of one mesh.
+        these names, or those of 3D Slicer, l, p, s or r, a, s, with a label in the first or in one
+        called label, name or landmark; or columns label and vertex, as the page of ``unbend view``
+        saves landmarks of one mesh.
     mesh : mesh-like
         The mesh with the points on it.
 
@@ -292,7 +293,8 @@ def _pp(data: bytes) -> list[_Point]:
 def _table(data: bytes, suffix: str, vertices: FloatArray) -> list[_Point]:
     """Rows of x, y, z, perhaps after a label, or columns of these names; IDAV's .pts likewise.
 
-    Or columns label and vertex, as the page of unbend view saves landmarks of one mesh.
+    Tables of 3D Slicer name their axes l, p, s or r, a, s, and say in a column whether a point is
+    defined. Or columns label and vertex, as the page of unbend view saves landmarks of one mesh.
     """
     lines = data_lines(data, suffix[1:])
     if suffix == ".pts" and lines and re.match(r"version", lines[0], re.IGNORECASE):
@@ -318,8 +320,9 @@ def _table(data: bytes, suffix: str, vertices: FloatArray) -> list[_Point]:
             for row in rows[1:]
         ]
     at, label, first = [-3, -2, -1], 0, 0
-    if {"x", "y", "z"} <= set(names):
-        at, first = [names.index(axis) for axis in "xyz"], 1
+    axes = next((axes for axes in ("xyz", "lps", "ras") if {*axes} <= {*names}), "")
+    if axes:
+        at, first = [names.index(axis) for axis in axes], 1
         label = next((i for i, name in enumerate(names) if name in _LABELS), 0)
     labelled = len(names) > 3 and label not in at
     points = []
@@ -328,7 +331,10 @@ def _table(data: bytes, suffix: str, vertices: FloatArray) -> list[_Point]:
         if not of_row or not are_numbers(row[axis] for axis in at):
             meant = "x, y and z with decimal points, perhaps after a label, or below these names"
             raise misfit(f"row {i}", between.join(row), f"; a point is {meant}")
-        points.append(_point(row[label] if labelled else "", "", [row[k] for k in at], "LPS"))
+        placed = "defined" not in names or row[names.index("defined")] != "0"
+        place = [row[k] if placed else np.nan for k in at]
+        turned = "RAS" if axes == "ras" else "LPS"
+        points.append(_point(row[label] if labelled else "", "", place, turned))
     return points
 
 
