@@ -256,6 +256,12 @@ def test_landmarks_without_a_partner_are_named_and_not_counted(folder: Path) -> 
     done = right(*line, "-o", "b.mrk.json", "--quiet")
     assert "landmark 2 corresponds to no vertex of b.ply" in done.stderr
     assert read_markups("b.mrk.json", TARGET)[0] == ["1", "3"]  # by order they would pair wrongly
+    write_map("torn.csv", np.where(SAME == 3, SAME, -1))
+    write_markups("a.mrk.json", SOURCE, [500, 77], ["tail", "paw"])
+    done = invoke([*line, "-o", "none.mrk.json"])
+    assert done.exit_code == 2
+    assert "no landmark corresponds to a vertex of b.ply" in done.stderr
+    assert not Path("none.mrk.json").exists()
 
 
 def test_a_map_of_other_meshes_is_refused(folder: Path) -> None:

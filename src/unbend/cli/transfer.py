@@ -89,6 +89,8 @@ def transfer(
     if is_markup:
         images = forward[array]
         there = np.flatnonzero(images >= 0)
+        if not len(there):
+            raise InputError(f"no landmark corresponds to a vertex of {b.name}: none is written")
         carried = images[there]
         labels = [label or f"{i + 1}" for i, label in enumerate(labels)]  # which of them are left
         io.write_markups(out, b, carried, [labels[i] for i in there])
