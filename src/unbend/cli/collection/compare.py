@@ -32,7 +32,7 @@ def search(
 
       query: The query: a mesh.
       n: Number of results.
-      rerank: Order the best again: form, by aligned canonical forms (hundredths of a second each),
+      rerank: Order the best again: form, by aligned canonical forms (tenths of a second each),
           or match, by point maps (seconds each).
       index: Use an index, which is created or updated first. It is faster beyond 100,000 shapes.
 
