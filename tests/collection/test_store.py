@@ -4,6 +4,7 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
 from pathlib import Path
+from threading import Barrier
 from typing import Any
 
 import numpy as np
@@ -53,12 +54,31 @@ def test_two_may_make_one_table(tmp_path: Path) -> None:
     assert len(one) == len(other) == 2
 
 
-def test_what_a_full_disk_left_of_its_making_is_none_yet(tmp_path: Path) -> None:
-    (tmp_path / "store" / "shapes.lance" / "_versions").mkdir(parents=True)
+def test_what_was_left_of_its_making_is_none_yet(tmp_path: Path) -> None:
+    (tmp_path / "store" / ".creating-1" / "shapes.lance").mkdir(parents=True)
     store = Store(tmp_path / "store")
     assert not store.exists
     store.commit(rows("first"))
     assert len(Store(tmp_path / "store")) == 1
+
+
+def test_those_that_create_it_at_once_keep_all_rows(tmp_path: Path) -> None:
+    """Each finds none, and none overwrites what another one has written."""
+    stores = [Store(tmp_path / "store") for _ in range(3)]
+    for name, store in zip("abc", stores, strict=True):
+        store.commit(rows(name))
+    assert len(stores[0]) == 3
+    assert sorted(path.name for path in (tmp_path / "store").iterdir()) == ["shapes.lance"]
+    barrier = Barrier(4)
+
+    def work(number: int) -> None:
+        store = Store(tmp_path / "other")
+        barrier.wait()
+        store.commit(rows(f"{number}"))
+
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(work, range(4)))
+    assert len(Store(tmp_path / "other")) == 4
 
 
 def test_its_size_is_that_of_its_files(tmp_path: Path) -> None:

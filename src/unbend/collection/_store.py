@@ -6,9 +6,10 @@ import functools
 import json
 import os
 import re
+import tempfile
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from unbend.errors import FileError, InputError, MissingExtraError, UnbendError
 from unbend.io import atomic_write
 
 _TABLE = "shapes"
+_FOLDER, _CREATING = f"{_TABLE}.lance", ".creating-"  # of the table; prefix of where it is made
 # With this key, two processes that add one path at once get one row.
 _KEY = {"lance-schema:unenforced-primary-key": "true"}
 _SMALL = ("id", "path", "n_vertices", "n_faces", "area", "notes")  # columns of an Entry
@@ -35,7 +37,6 @@ _ROWS_AT_ONCE = 4096
 _NAMES_AT_ONCE = 256  # that one query asks for
 _FORMAT = "2.0"  # of Lance's files; searches of later formats are half as fast
 _PROBES = 20  # cells, of some thousand rows each, in an approximate search
-_WAITS = 0.05, 0.2, 0.5  # seconds to wait for a table that another process creates
 _PARAMETERS = {  # what rows were computed with that can be compared
     "descriptor": DESCRIPTOR_VERSION,
     "form_points": FORM_POINTS,
@@ -74,26 +75,27 @@ class Store:
                 )
 
     def _open(self) -> Any:
-        """Open the table; None if there is none.
-
-        A full disk leaves empty folders; for a moment, another process that creates it does, too.
-        """
-        folder, local = Path(self.path, f"{_TABLE}.lance"), "://" not in self.path
-        if local and not folder.exists():  # to connect would make the collection's folder
+        """Open the table; None if there is none."""
+        # To connect would make the collection's folder.
+        if "://" not in self.path and not os.path.exists(os.path.join(self.path, _FOLDER)):
             return None
         database = self._connect(self.path)
-        if _TABLE not in database.list_tables().tables:
-            return None
-        for wait in _WAITS:
-            try:
-                return database.open_table(_TABLE)
-            except ValueError as error:
-                if "not found" not in str(error):
-                    raise
-                time.sleep(wait)
-        if local and not any(files for _, _, files in os.walk(folder)):
-            return None
-        return database.open_table(_TABLE)
+        return database.open_table(_TABLE) if _TABLE in database.list_tables().tables else None
+
+    def _create(self, schema: Any) -> Any:
+        """Create the table, or open what another process has created meanwhile.
+
+        Of two that create one at once, LanceDB has the second overwrite the first's: each creates
+        it elsewhere, and moves it.
+        """
+        if "://" in self.path:
+            return self._connect(self.path).create_table(_TABLE, schema=schema, exist_ok=True)
+        os.makedirs(self.path, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=self.path, prefix=_CREATING) as elsewhere:
+            self._connect(elsewhere).create_table(_TABLE, schema=schema)
+            with suppress(OSError):  # another one is there
+                os.rename(os.path.join(elsewhere, _FOLDER), os.path.join(self.path, _FOLDER))
+        return self._connect(self.path).open_table(_TABLE)
 
     @contextmanager
     def _explained(self) -> Iterator[None]:
@@ -136,8 +138,7 @@ class Store:
         data = _arrow(rows)
         with self._explained():
             if not self.exists:
-                database = self._connect(self.path)
-                self._table = database.create_table(_TABLE, schema=data.schema, exist_ok=True)
+                self._table = self._create(data.schema)
             merge = self._table.merge_insert("path")
             merge.when_matched_update_all().when_not_matched_insert_all().execute(data)
         self._commits += 1
@@ -357,14 +358,14 @@ def check_outside(store: str, out: StrPath) -> None:
 
 def _check_folder(path: Path) -> None:
     try:
-        inside = os.listdir(path)
+        inside = [name for name in os.listdir(path) if not name.startswith(_CREATING)]
     except FileNotFoundError:
         return
     except NotADirectoryError:
         raise FileError(f"{path} is a file; a collection is a folder of its own") from None
     except OSError as error:
         raise FileError(f"cannot read the collection {path}: {error.strerror or error}") from error
-    if inside and f"{_TABLE}.lance" not in inside:
+    if inside and _FOLDER not in inside:
         raise FileError(
             f"the folder {path} holds other things; a collection is a folder of its own: give "
             "one that is empty or does not exist"
