@@ -186,7 +186,7 @@ def _legend(shape: dict[str, Any]) -> str:
     labels = shape["labels"]
     colors = map(tuple, value_colors(labels, kind="label").tolist())
     chips = [
-        f'<svg class="swatch"><rect width="100%" height="100%" fill="rgb{color}"/></svg> '
+        f'<svg class="chip"><rect width="100%" height="100%" fill="rgb{color}"/></svg> '
         f"{escape(str(one)) or 'none'}"
         for one, color in zip(labels[:_MOST_NAMED], colors, strict=False)
     ]
