@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from unbend import Mesh
-from unbend.correspondence import transfer, value_kind
+from unbend.correspondence import transfer, transfer_landmarks, value_kind
 from unbend.correspondence._transfer import positions_on_target
-from unbend.datasets import make_quadruped, rest_map
+from unbend.datasets import make_quadruped, make_sphere, rest_map
 from unbend.deformation import closest_faces
 from unbend.errors import InputError
 from unbend.matching import Match, match
@@ -267,3 +267,13 @@ def test_weights_that_do_not_sum_to_one_are_refused(blob: Mesh) -> None:
 )
 def test_columns_of_whole_numbers_are_colours_or_numbers(values, kind) -> None:
     assert value_kind(np.array(values)) == kind
+
+
+def test_landmarks_that_cannot_be_carried_are_refused() -> None:
+    for labels, vertices, problem in (
+        (["a"], [0, 1], "2 landmarks need as many labels, not 1"),
+        (["a"], [3], "the source: there is no vertex 3"),
+        (["a"], [2], "no landmark corresponds to a vertex of mesh"),
+    ):
+        with pytest.raises(InputError, match=problem):
+            transfer_landmarks(labels, vertices, [0, 1, -1], make_sphere(1))

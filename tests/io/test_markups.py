@@ -94,8 +94,8 @@ def test_fcsv(tmp_path: Path, axes: str | None, sign: int) -> None:
     assert read_markups(path, CUBE)[1].tolist() == [4, 5]
     for status in "03":
         path.write_text(re.sub(r"5,,\d", f"5,,{status}", path.read_text()))
-        with pytest.raises(FileError, match="point 'tail' has no position"):
-            read_markups(path, CUBE)
+        with pytest.warns(UnbendWarning, match="point 'tail' has no position: left out"):
+            assert read_markups(path, CUBE)[1].tolist() == [4]
 
 
 @pytest.mark.parametrize(
@@ -137,7 +137,7 @@ def test_tables_of_points(tmp_path: Path, name: str, text: str, labels: list[str
         ("label,vertex\nnose,4.5\n", "row 0 holds 'nose,4.5'; a landmark is a label and the"),
         ("3,1,1\n3,3.2,1\n", "point '2' is 0.2 from mesh, more than 3 %"),
         ("3,1,nan\n", "point '1' has no position"),
-        ("label,l,p,s,defined\nnose,3,1,1,0\n", "point 'nose' has no position"),
+        ("x,y,z\n3,1,1\nNA,NA,NA\n", "point '2' has no position"),
         ('3,1,"1\n', "not a table"),
     ],
 )
@@ -151,9 +151,7 @@ def test_what_tables_of_points_cannot_mean(tmp_path: Path, text: str, problem: s
     ("text", "problem"),
     [
         (mrk(("nose", [3, 3.2, 1])), "'nose' is 0.2 from mesh, more than 3 %"),
-        (mrk(("nose", [3, 3, float("nan")])), "'nose' has no position: place it, or delete it"),
-        (mrk(("nose", [3, 3, 3], "", "undefined")), "'nose' has no position"),
-        (mrk(("nose", [3, 3, 3], "", "missing")), "'nose' has no position"),
+        (mrk(("", [3, 3, float("nan")])), "'1' has no position: place it, or delete it"),
         (mrk(("nose", [9, 9, 9], "vertex 5")), "'nose' is 10.4 from mesh"),
         (mrk(("nose", [1e300, 9, 9], "vertex 5")), "'nose' is inf from mesh"),
         (mrk(("nose", [0, 0, 0], "vertex 9")), "'nose' is vertex 9, but mesh has 9"),
@@ -171,6 +169,26 @@ def test_what_does_not_fit_is_refused(tmp_path: Path, text: str, problem: str) -
     path.write_text(text)
     with pytest.raises(FileError, match=problem):
         read_markups(path, CUBE)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("a.mrk.json", mrk(("ear", [3, 3, float("nan")]), ("nose", [3, 1, 1]))),
+        ("a.mrk.json", mrk(("ear", [3, 3, 3], "", "undefined"), ("nose", [3, 1, 1]))),
+        ("a.mrk.json", mrk(("ear", [3, 3, 3], "", "missing"), ("nose", [3, 1, 1]))),
+        ("a.csv", "label,l,p,s,defined\near,3,3,3,0\nnose,3,1,1,1\n"),
+        ("a.csv", '"","x","y","z"\n"ear",NA,NA,NA\n"nose",3,1,1\n'),  # R
+    ],
+)
+def test_a_named_point_without_a_position_is_left_out(tmp_path: Path, name: str, text: str) -> None:
+    paths = [tmp_path / name] * 2
+    paths[0].write_text(text)
+    with pytest.warns(UnbendWarning, match="point 'ear' has no position: left out"):
+        labels, vertices = read_markups(paths[0], CUBE)
+    assert (labels, vertices.tolist()) == (["nose"], [4])
+    with pytest.raises(FileError, match="point 'ear' has no position: place it, or delete it"):
+        read_markup_pairs(paths, CUBE, CUBE)  # which might pair by order
 
 
 def picked(*points: str) -> str:

@@ -112,18 +112,16 @@ def transfer(work: Work, values: Sequence[str] | None = None, column: str | None
     command = ["transfer", *work.names, "--map", work.map_name, "--values", name, "-o", out]
     if markups:
         labels, rows = io.read_markups(path, source)
-        carried = found.source_to_target[rows]
-        there = np.flatnonzero(carried >= 0)
-        kept, at = [labels[i] or f"{i + 1}" for i in there], carried[there]
+        kept, at = correspondence.transfer_landmarks(labels, rows, found, target)
         io.write_markups(work.new_file(out, "the landmarks, for 3D Slicer"), target, at, kept)
         by_label = dict(zip(kept, at.tolist(), strict=True))  # several may have one label
         shown: Any = by_label if len(by_label) == len(kept) else at
         report.view(target, landmarks=shown, path=work.page, up=work.up)
         facts = {"carried": f"{len(kept)} of {len(labels)} landmarks"}
         python = work.python(
-            "io, read_match, read_mesh",
-            f"labels, vertices = io.read_markups({name!r}, source)",
-            "carried = found.source_to_target[vertices]  # -1 where there is no partner",
+            "correspondence, io, read_match, read_mesh",
+            f"landmarks = io.read_markups({name!r}, source)  # labels and vertices",
+            "carried = correspondence.transfer_landmarks(*landmarks, found, target)",
         )
         return work.result(f"{name} on {target.name}", command, python, facts)
     array, names = io.read_named_values(path, n_vertices=source.n_vertices, name=column)

@@ -7,7 +7,6 @@ from typing import Annotated, Any
 import typer
 
 import unbend
-from unbend._text import plural
 from unbend.choices import ValueKind
 from unbend.cli import _options as options
 from unbend.cli import _output as output
@@ -87,19 +86,8 @@ def transfer(
     if expected_error is not None and errors is None:
         raise InputError(f"{matching.map} has no expected errors; leave out --map to match")
     if is_markup:
-        images = forward[array]
-        there = np.flatnonzero(images >= 0)
-        if not len(there):
-            raise InputError(f"no landmark corresponds to a vertex of {b.name}: none is written")
-        carried = images[there]
-        labels = [label or f"{i + 1}" for i, label in enumerate(labels)]  # which of them are left
-        io.write_markups(out, b, carried, [labels[i] for i in there])
-        for i in np.flatnonzero(images < 0):
-            output.say("warning", f"landmark {labels[i]} corresponds to no vertex of {b.name}")
-        met = len(np.unique(array[there])) - len(np.unique(carried))
-        if met:
-            at_one = f"{plural(met, 'landmark')} at the same vertex of {b.name} as another one"
-            output.say("warning", f"{at_one}: take a mesh with more vertices")
+        labels, carried = unbend.correspondence.transfer_landmarks(labels, array, forward, b)
+        io.write_markups(out, b, carried, labels)
     else:
         carried = unbend.transfer(array, found, kind=chosen, source=a, target=b)
         is_mesh = out.lower().endswith(io.COLOR_SUFFIXES)

@@ -7,7 +7,13 @@ from unbend.correspondence._morph import warn_of_units as warn_of_units
 from unbend.correspondence._register import Registration, register, write_registration
 from unbend.correspondence._register import check_template as check_template
 from unbend.correspondence._similarity import aligned_cosine, similarity
-from unbend.correspondence._transfer import as_point_map, carry, transfer, value_kind
+from unbend.correspondence._transfer import (
+    as_point_map,
+    carry,
+    transfer,
+    transfer_landmarks,
+    value_kind,
+)
 from unbend.correspondence._transfer import checked_numbers as checked_numbers
 
 __all__ = [
@@ -24,6 +30,7 @@ __all__ = [
     "register",
     "similarity",
     "transfer",
+    "transfer_landmarks",
     "value_kind",
     "write_match",
     "write_registration",

@@ -13,10 +13,10 @@ from unbend._text import plural
 from unbend._types import FloatArray, IntArray
 from unbend.choices import ValueKind
 from unbend.deformation import closest_faces
-from unbend.errors import InputError
+from unbend.errors import InputError, warn
 from unbend.io import MeshLike, as_mesh, checked_map, invert_map
 from unbend.matching import Match, warn_of_disorder
-from unbend.mesh import Mesh, faces_around, find_components
+from unbend.mesh import Mesh, faces_around, find_components, vertex_ids
 from unbend.preparation import join_seams
 
 _GREY = 128
@@ -117,6 +117,67 @@ def carry(
     if chosen == "color":
         return np.where(np.isfinite(carried), np.rint(carried), _GREY).astype(np.uint8)
     return carried
+
+
+def transfer_landmarks(
+    labels: Sequence[str],
+    vertices: npt.ArrayLike,
+    match: Match | npt.ArrayLike,
+    target: MeshLike,
+) -> tuple[list[str], IntArray]:
+    """Carry landmarks from the source to the target, as :func:`unbend.io.read_markups` reads them.
+
+    Parameters
+    ----------
+    labels : sequence of str, length l
+        A landmark without one gets its number, from 1 on.
+    vertices : (l,) array_like of int
+        Of the source.
+    match : Match or (n_source,) array_like of int
+        From source to target; as an array, -1 where there is no partner.
+    target : mesh-like
+
+    Returns
+    -------
+    labels : list of str
+        Of the landmarks that have a partner.
+    vertices : (k,) ndarray of int64
+        Of the target.
+
+    Raises
+    ------
+    InputError
+        If no landmark has a partner, or the arguments do not fit each other.
+
+    Warns
+    -----
+    UnbendWarning
+        Of landmarks that have no partner, and of those that meet at one vertex.
+
+    Examples
+    --------
+    >>> from unbend.correspondence import transfer_landmarks
+    >>> target = [[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]
+    >>> transfer_landmarks(["nose", ""], [0, 2], [1, 2, 0], target)
+    (['nose', '2'], array([1, 0]))
+    """
+    target = as_mesh(target)
+    images = as_point_map(match, target=target)
+    given = vertex_ids(vertices, len(images), "the source")
+    if len(labels) != len(given):
+        raise InputError(f"{len(given)} landmarks need as many labels, not {len(labels)}")
+    named = np.array([label or f"{i + 1}" for i, label in enumerate(labels)], dtype=str)
+    carried, there = images[given], images[given] >= 0
+    if not there.any():
+        raise InputError(f"no landmark corresponds to a vertex of {target.name}")
+    for label in named[~there]:
+        warn(f"landmark {label} corresponds to no vertex of {target.name}")
+    kept = carried[there]
+    met = len(np.unique(given[there])) - len(np.unique(kept))
+    if met > 0:
+        at_one = f"{plural(met, 'landmark')} at the same vertex of {target.name} as another one"
+        warn(f"{at_one}: take a mesh with more vertices")
+    return named[there].tolist(), kept
 
 
 def positions_on_target(

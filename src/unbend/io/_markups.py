@@ -65,16 +65,18 @@ def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
     Raises
     ------
     FileError
-        If the file cannot be read, a point is farther from the mesh than 3 % of its size, or the
-        points fit the mesh far better in the other of RAS and LPS.
+        If the file cannot be read, a point is farther from the mesh than 3 % of its size, one
+        without a label has no position, or the points fit the mesh far better in the other of RAS
+        and LPS.
 
     Warns
     -----
     UnbendWarning
-        Of points that lie elsewhere than the vertices they are described as, and of points at
-        different places that are one vertex.
+        Of points with a label that have no position, which are left out; of points that lie
+        elsewhere than the vertices they are described as; and of points at different places that
+        are one vertex.
     """
-    labels, vertices, _ = _read(Path(path), _places(as_mesh(mesh)))
+    labels, vertices, _ = _read(Path(path), _places(as_mesh(mesh)), alone=True)
     return labels, vertices
 
 
@@ -101,11 +103,16 @@ def _off(points: FloatArray, around: _Places) -> float:
     return float(around.tree.query(points)[0].mean()) / (around.size or 1.0)
 
 
-def _read(path: Path, around: _Places) -> tuple[list[str], IntArray, FloatArray]:
-    """Read landmarks as :func:`read_markups` does, and where they are in the file."""
+def _read(
+    path: Path, around: _Places, *, alone: bool = False
+) -> tuple[list[str], IntArray, FloatArray]:
+    """Read landmarks as :func:`read_markups` does, and where they are in the file.
+
+    One without a position is left out only if the file is `alone`: it may pair by order.
+    """
     data, suffix = read_bytes(path, (*MARKUP_SUFFIXES, *_TABLES)), path.suffix.lower()
     mesh, there, tree, size = around
-    vertices, away, n_moved = [], [], 0
+    labels, places, vertices, away, n_moved = [], [], [], [], 0
     with prefixed(path.name):
         try:
             if suffix in _TABLES:
@@ -117,10 +124,8 @@ def _read(path: Path, around: _Places) -> tuple[list[str], IntArray, FloatArray]
         except Exception as error:  # JSON or XML of another structure raises many kinds
             program = "MeshLab" if suffix == ".pp" else "3D Slicer"
             raise FileError(f"not a landmark file of {program}, or a damaged one") from error
-        if not points:
-            raise FileError("holds no points")
-        for i, (label, description, position) in enumerate(points):
-            label = label or f"{i + 1}"
+        for i, (given, description, position) in enumerate(points):
+            label = given or f"{i + 1}"
             number = re.fullmatch(r"vertex (\d{1,18})", description)
             described = int(number[1]) if number else -1
             if described >= mesh.n_vertices:
@@ -129,7 +134,10 @@ def _read(path: Path, around: _Places) -> tuple[list[str], IntArray, FloatArray]
                     f"{plural(mesh.n_vertices, 'vertex')}"
                 )
             if not np.isfinite(position).all():
-                raise FileError(f"point {label!r} has no position: place it, or delete it")
+                if not (alone and given):
+                    raise FileError(f"point {label!r} has no position: place it, or delete it")
+                warn(f"{path.name}: point {label!r} has no position: left out")
+                continue
             distance, nearest = tree.query(position)
             moved = math.dist(mesh.vertices[described], position)
             if described >= 0 and moved <= _MOVED * size:
@@ -141,17 +149,21 @@ def _read(path: Path, around: _Places) -> tuple[list[str], IntArray, FloatArray]
                 )
             else:
                 vertex = int(there[nearest])
+            labels.append(given)
+            places.append(position)
             vertices.append(vertex)
             away.append(distance)
             n_moved += described not in (-1, vertex)
-        places = np.array([position for *_, position in points])
-        off, turned = np.mean(away), tree.query(places * (-1, -1, 1))[0].mean()
+        if not places:
+            raise FileError("holds no points")
+        on_file = np.array(places)
+        off, turned = np.mean(away), tree.query(on_file * (-1, -1, 1))[0].mean()
         if turned < off / _CLOSER and off > _MOVED * size:
             raise FileError(
                 f"its points are {off:.3g} from {mesh.name}, {turned:.3g} with x and y negated: "
                 "one of them is in RAS and the other in LPS; save the mesh in LPS"
             )
-    shared = len(np.unique(places, axis=0)) - len(np.unique(vertices))
+    shared = len(np.unique(on_file, axis=0)) - len(np.unique(vertices))
     if shared > 0:
         warn(
             f"{path.name}: {plural(shared, 'point')} at the same vertex of {mesh.name} as another "
@@ -162,7 +174,7 @@ def _read(path: Path, around: _Places) -> tuple[list[str], IntArray, FloatArray]
             f"{path.name}: {plural(n_moved, 'point')} not at the vertices they are described as: "
             "taken where they lie"
         )
-    return [label for label, _, _ in points], np.array(vertices, dtype=np.int64), places
+    return labels, np.array(vertices, dtype=np.int64), on_file
 
 
 def read_markup_pairs(
@@ -327,6 +339,7 @@ def _table(data: bytes, suffix: str, vertices: FloatArray) -> list[_Point]:
     labelled = len(names) > 3 and label not in at
     points = []
     for i, row in enumerate(rows[first:]):
+        row = ["nan" if word == "NA" else word for word in row]  # R's word for a missing number
         of_row = len(row) == len(names) and (first or len(row) in (3, 4))
         if not of_row or not are_numbers(row[axis] for axis in at):
             meant = "x, y and z with decimal points, perhaps after a label, or below these names"
