@@ -273,7 +273,7 @@ def test_landmarks_that_cannot_be_carried_are_refused() -> None:
     for labels, vertices, problem in (
         (["a"], [0, 1], "2 landmarks need as many labels, not 1"),
         (["a"], [3], "the source: there is no vertex 3"),
-        (["a"], [2], "no landmark corresponds to a vertex of mesh"),
+        (["a"], [2], "no landmark corresponds to a vertex of sphere"),
     ):
         with pytest.raises(InputError, match=problem):
             transfer_landmarks(labels, vertices, [0, 1, -1], make_sphere(1))
