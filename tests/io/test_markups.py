@@ -113,6 +113,7 @@ def test_fcsv(tmp_path: Path, axes: str | None, sign: int) -> None:
         ("a.txt", "3 1 1\n 1\t3   3\n", ["", ""]),
         ("a.txt", "nose, 3, 1, 1\ntail, 1, 3, 3\n", ["nose", "tail"]),
         ("a.csv", "label,vertex\nnose,4\ntail,3\n", ["nose", "tail"]),  # of unbend view
+        ("a.csv", "Name,vertex\nnose,4\ntail,3\n", ["nose", "tail"]),
         ("a.csv", '"","label","vertex"\n"1","nose",4\n"2","tail",3\n', ["nose", "tail"]),
         ("a.pts", "Version 1.0\n2\nS000 3 1 1\nS001 1 3 3\n", ["S000", "S001"]),
     ],

@@ -58,6 +58,7 @@ def test_a_word_before_numbers_is_no_label(tmp_path: Path) -> None:
         ('"","x"\n"a",4\n"b",5\n', "first column has no name, and does not number the rows"),
         ('"";"x"\n"1";0,5\n"2";3\n', "row 1 has 1 entries, but row 0 has 2; write decimal points"),
         ("x,y\n1,2\n3,no\n", "row 1 holds '3 no', not numbers; keep labels in one column"),
+        ("label,vertex\nnose,2\n3,3\n", "landmarks go into a .mrk.json file by unbend transfer"),
         ("1\n2\n3\n", "holds 3 rows, but there are 2 vertices"),
     ],
 )

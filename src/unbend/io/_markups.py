@@ -320,8 +320,9 @@ def _table(data: bytes, suffix: str, vertices: FloatArray) -> list[_Point]:
     except csv.Error as error:
         raise FileError(f"not a table: {error}") from None
     names = [name.lower() for name in rows[0]] if rows else []
-    if {"label", "vertex"} <= set(names) and "x" not in names:
-        label, number = names.index("label"), names.index("vertex")
+    label = next((i for i, name in enumerate(names) if name in _LABELS), 0)
+    if "vertex" in names and "x" not in names and names[label] in _LABELS:
+        number = names.index("vertex")
         for i, row in enumerate(rows[1:]):
             if len(row) != len(names) or not re.fullmatch(r"\d{1,18}", row[number]):
                 meant = "a label and the number of a vertex"
@@ -331,11 +332,10 @@ def _table(data: bytes, suffix: str, vertices: FloatArray) -> list[_Point]:
             (row[label], f"vertex {row[number]}", places[min(int(row[number]), len(vertices))])
             for row in rows[1:]
         ]
-    at, label, first = [-3, -2, -1], 0, 0
+    at, first = [-3, -2, -1], 0
     axes = next((axes for axes in ("xyz", "lps", "ras") if {*axes} <= {*names}), "")
     if axes:
         at, first = [names.index(axis) for axis in axes], 1
-        label = next((i for i, name in enumerate(names) if name in _LABELS), 0)
     labelled = len(names) > 3 and label not in at
     points = []
     for i, row in enumerate(rows[first:]):

@@ -70,6 +70,7 @@ def read_table_of_values(
             raise misfit(f"row {large}", " ".join(rows[large]), problem) from None
     elif table.shape[1] > 1:
         bad, problem = numeric.index(False), ", not numbers; keep labels in one column alone"
+        problem += "; landmarks go into a .mrk.json file by unbend transfer"
         raise misfit(f"row {bad}", " ".join(rows[bad]), problem)
     else:
         _refuse_numbers_as_labels([row[0] for row in rows])
