@@ -10,6 +10,7 @@ import os
 import queue
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
@@ -282,15 +283,25 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
 @contextmanager
 def _interrupted_later() -> Iterator[None]:
     """Let Ctrl-C wait; processes that start here, which would print tracebacks, never hear it."""
-    if not hasattr(signal, "pthread_sigmask"):  # on Windows
-        yield
-        return
-    resource_tracker.ensure_running()  # to start it later would unblock the signal
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    heard: list[int] = []
+    handler = signal.getsignal(signal.SIGINT)
+    # A blocked signal may reach another thread, such as a notebook's, and still interrupt this one.
+    waits = callable(handler) and threading.current_thread() is threading.main_thread()
+    blocks = hasattr(signal, "pthread_sigmask")  # not on Windows
+    if waits:
+        signal.signal(signal.SIGINT, lambda number, frame: heard.append(number))
+    if blocks:
+        resource_tracker.ensure_running()  # to start it later would unblock the signal
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        if blocks:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        if waits:
+            signal.signal(signal.SIGINT, handler)
+        if heard:
+            signal.raise_signal(signal.SIGINT)
 
 
 def dask_setup(worker: Any) -> None:
