@@ -50,7 +50,7 @@ def test_permuting_vertices_permutes_the_form(blob, known):
     np.testing.assert_allclose(after.points, before.points[order], atol=1e-4)
 
 
-@pytest.mark.parametrize("dimension", [1, 2, 5, 20])
+@pytest.mark.parametrize("dimension", [1, 2, 5, np.int8(20)])
 def test_a_form_of_any_dimension_extends_the_smaller_ones(blob, dimension):
     form, larger = (canonical_form(blob, n_components=d) for d in (dimension, 21))
     assert form.points.shape == (blob.n_vertices, dimension)

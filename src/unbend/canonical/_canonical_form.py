@@ -286,7 +286,7 @@ def _form(
     component: str | int | None,
     progress: Progress | None,
 ) -> CanonicalForm:
-    method, d = options.method, options.n_components
+    method = options.method
     check_whole(options.random_state, "random_state")
     check_choice(options.weighting, "weighting", get_args(Weighting))
     steps = _Steps(progress)
@@ -295,7 +295,9 @@ def _form(
     most = surface.n_vertices
     if method == "sampled":  # p samples span p - 1 dimensions; an eigenfunction is constant
         most = min(most, options.n_samples, options.n_eigenpairs)
-    check_whole(d, "the form's dimension", 1, most - 1)
+    check_whole(options.n_components, "the form's dimension", 1, most - 1)
+    d = int(options.n_components)  # one of NumPy's may overflow
+    options = options._replace(n_components=d)
     if method == "exact" and options.weighting == "uniform":
         check_memory(surface.mesh.name, surface.n_vertices, _FORM_COLUMNS * (d + 1))
     with steps("factorisation"):
