@@ -43,20 +43,24 @@ def is_number(number: Any) -> TypeGuard[float]:
 
 
 def array_of(values: npt.ArrayLike, what: str) -> npt.NDArray[Any]:
-    """Turn rows into an array; raise InputError if some are masked, or their lengths differ."""
+    """Turn rows into an array; raise InputError if some are masked, or their lengths differ.
+
+    Text that pandas holds as objects becomes text of NumPy.
+    """
     if np.ma.is_masked(values):
         raise InputError(f"{what}: some are masked; fill them, or leave them out")
     try:
-        return np.asarray(values)
+        array = np.asarray(values)
     except ValueError:
         raise InputError(f"{what}: rows have different lengths, and must have one") from None
+    if array.dtype.kind == "O" and array.size and all(isinstance(one, str) for one in array.flat):
+        array = array.astype(np.str_)
+    return array
 
 
 def values_of(values: npt.ArrayLike) -> npt.NDArray[Any]:
     """Turn real numbers, truth values or text into an array; raise InputError for all else."""
     array = array_of(values, "values")
-    if array.dtype.kind == "O" and all(isinstance(one, str) for one in array.flat):
-        array = array.astype(np.str_)  # as a column of pandas holds it
     if array.dtype.kind not in "biufU":
         raise InputError(f"values of type {array.dtype} are neither numbers nor labels")
     return array

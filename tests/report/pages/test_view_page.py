@@ -79,7 +79,8 @@ def test_a_page_says_what_its_values_are(blob: Mesh) -> None:
 
 
 def test_whole_numbers_and_text_are_labels(blob: Mesh) -> None:
-    html = view(blob, values=np.resize(["", "<leg>", "tail"], 642), label="part").html
+    parts = np.resize(["", "<leg>", "tail"], 642).astype(object)  # as pandas holds text
+    html = view(blob, values=parts, label="part").html
     assert "part: 3 labels" in html
     legend = re.findall(r'fill="rgb(\(.*?\))"/></svg> (.*?)[,.]<?', html)
     assert legend == [
