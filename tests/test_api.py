@@ -186,6 +186,7 @@ def test_every_public_name_can_be_had_from_a_core_install():
         (lambda out: unbend.write_match(out.with_suffix(".npz"), EVERY), "a ndarray is no Match"),
         (lambda out: unbend.match(np.empty((0, 3)), BALL), "mesh: there are no vertices"),
         (lambda out: view(np.empty((0, 3))), "mesh: there are no vertices"),
+        (lambda out: view(dog(n_vertices=500)), "a Shape is not a mesh, but has one: give its .m"),
         (
             lambda out: unbend.canonical_form(BALL, random_state=None),
             "random_state must be a whole",
@@ -216,6 +217,11 @@ def test_a_wrong_argument_gets_a_sentence(
         call(tmp_path / "out.ply")
     assert sentence in str(caught.value)
     assert not list(tmp_path.iterdir())
+
+
+def test_completion_offers_public_names_only() -> None:
+    public = [name for name in dir(unbend) if not name.startswith("_")]
+    assert public == sorted({*unbend.__all__, *unbend._FOLDERS})
 
 
 def test_type_checkers_see_no_module_that_takes_any_name() -> None:

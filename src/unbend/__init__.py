@@ -84,4 +84,4 @@ if not TYPE_CHECKING:  # type checkers would take any name for one of these
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_HOME, *_FOLDERS])
+    return sorted({"__all__", "__doc__", "__version__", *_HOME, *_FOLDERS})

@@ -143,6 +143,8 @@ def as_mesh(mesh: MeshLike) -> Mesh:
         return Mesh(*given)
     if isinstance(given, np.ndarray):
         return Mesh(given)
+    if isinstance(getattr(given, "mesh", None), Mesh):
+        raise InputError(f"a {type(given).__name__} is not a mesh, but has one: give its .mesh")
     raise InputError(
         f"a {type(given).__name__} is not a mesh: give a Mesh, a file's path, a (vertices, faces) "
         "pair, an (n, 3) NumPy array of points, or an object with .vertices and .faces"
