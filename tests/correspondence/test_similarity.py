@@ -119,7 +119,7 @@ def test_what_does_not_fit(blob: Mesh) -> None:
     every = np.arange(blob.n_vertices)
     small = Mesh(blob.vertices[:-1], blob.faces[(blob.faces < 641).all(axis=1)])
     for arguments, options, sentence in (
-        ((blob, small), {}, "642 and 641 vertices; pass a match"),
+        ((blob, small), {}, "642 and 641 vertices; pass a match of model and probe as match="),
         ((form, form), {"n_components": 4}, "compute it with n_components=4"),
         ((form, geodesic), {}, "biharmonic distance, uniform .* geodesic distance, uniform"),
         ((form, blob), {"distance": "geodesic"}, "geodesic distance"),

@@ -171,7 +171,7 @@ def _pairs(
     if match is None:
         if n != m:
             raise InputError(
-                f"the shapes have {n} and {m} vertices; pass a match of the model with the probe"
+                f"the shapes have {n} and {m} vertices; pass a match of model and probe as match="
             )
         return np.arange(n), np.arange(n), ours + theirs
     if isinstance(match, Match):
