@@ -43,8 +43,10 @@ def test_each_label_has_a_colour(labels: list) -> None:
 
 def test_labels_have_the_colors_of_okabe_and_ito_in_turn() -> None:
     published = ["0072B2", "E69F00", "009E73", "CC79A7", "56B4E9", "D55E00", "F0E442"]
-    colors = value_colors(range(14), kind="label")
-    assert [bytes(one).hex().upper() for one in colors] == 2 * published
+    colors = value_colors(range(21), kind="label")
+    assert [bytes(one).hex().upper() for one in colors[:7]] == published
+    assert len(np.unique(colors[:14], axis=0)) == 14  # the same seven, darker
+    np.testing.assert_array_equal(colors[14:], colors[:7])
 
 
 def test_weights_have_the_colour_of_the_largest() -> None:

@@ -18,13 +18,14 @@ _VIRIDIS = np.array(
     ]
 )  # fmt: skip
 # Okabe and Ito, "Color universal design", 2008, without black.
-_LABELS = np.array(
+_SEVEN = np.array(
     [
         (0, 114, 178), (230, 159, 0), (0, 158, 115), (204, 121, 167), (86, 180, 233), (213, 94, 0),
         (240, 228, 66),
     ],
     dtype=np.uint8,
 )  # fmt: skip
+_LABELS = np.concatenate([_SEVEN, _SEVEN // 2])
 _GREY = 153
 
 
@@ -34,9 +35,9 @@ def value_colors(
     """Turn values per vertex into colours (n, 3) of uint8 that colour-blind eyes tell apart, too.
 
     Numbers (n,) go from dark blue to yellow, from the least to the greatest or between `limits`.
-    Each label has a colour, in its turn of seven; of weights (n, k) each vertex has that of its
-    largest. Grey stands for numbers that are not finite, and for the labels -1, NaN and "". Raises
-    InputError for another `kind`, and for several numbers of each vertex.
+    Each label has a colour, in its turn of seven and the same darker; of weights (n, k) each vertex
+    has that of its largest. Grey stands for numbers that are not finite, and for the labels -1, NaN
+    and "". Raises InputError for another `kind`, and for several numbers of each vertex.
     """
     check_choice(kind, "kind", ("scalar", "label", "weights"))
     array = array_of(values, "values")

@@ -56,7 +56,7 @@ def view(
         Vertices of both shapes, counted from 0; of one shape, its vertices; either perhaps by name.
     values : (n,) array_like of float, int, bool or str, optional
         A value for each vertex of `a`, shown as colours. Floats are numbers, and go from light to
-        dark; others are labels, of seven colours in turn. NaN, -1 and "" are grey.
+        dark; others are labels, of fourteen colours in turn. NaN, -1 and "" are grey.
     label : str, default="value"
         What such a value is.
     note : str, default=""
