@@ -183,6 +183,7 @@ def test_landmarks_of_other_programs(tmp_path: Path, text: str) -> None:
         ("", "hints.csv is empty"),
         ("a,b\n", "holds no landmarks"),
         ("label,vertex\n1,500\n", "holds vertices of one mesh; landmarks are pairs"),
+        ('"","name","vertex"\n"1",nose,500\n', "holds vertices of one mesh; landmarks are pairs"),
         ("1,2\n3\n", "row 1 holds '3'; a landmark is two vertex numbers"),
         ("1,-2\n", "row 0 holds '1 -2'"),
         ("12,4o\n7,3\n", "row 0 holds '12 4o'"),  # a slip, no names of columns

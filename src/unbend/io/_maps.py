@@ -147,7 +147,7 @@ def read_landmarks(
         is_csv = path.suffix.lower() == ".csv"
         if rows and is_csv and not any(are_numbers([word]) for word in rows[0]):
             header, rows = lines[0].lower(), rows[1:]
-            if re.findall(r"\w+", header) == ["label", "vertex"]:
+            if re.fullmatch(r"\W*(label|name|landmark)\W+vertex\W*", header):
                 raise FileError(
                     "holds vertices of one mesh; landmarks are pairs of vertices, source,target"
                 )

@@ -75,6 +75,17 @@ def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
         Of points with a label that have no position, which are left out; of points that lie
         elsewhere than the vertices they are described as; and of points at different places that
         are one vertex.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from unbend.datasets import make_sphere
+    >>> from unbend.io import read_markups, write_markups
+    >>> path = Path(tempfile.mkdtemp()) / "ball.mrk.json"
+    >>> write_markups(path, make_sphere(2), [7, 100], ["nose", "ear"])
+    >>> read_markups(path, make_sphere(2))
+    (['nose', 'ear'], array([  7, 100]))
     """
     labels, vertices, _ = _read(Path(path), _places(as_mesh(mesh)), alone=True)
     return labels, vertices
