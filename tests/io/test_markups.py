@@ -106,7 +106,7 @@ def test_fcsv(tmp_path: Path, axes: str | None, sign: int) -> None:
         ("a.csv", "x,y,z,quality\n3,1,1,0.9\n1,3,3,0.8\n", ["", ""]),
         ("a.csv", "name;z;y;x\nnose;1;1;3\ntail;3;3;1\n", ["nose", "tail"]),
         ("a.csv", "id,Label,X,Y,Z\n7,nose,3,1,1\n8,tail,1,3,3\n", ["nose", "tail"]),
-        ("a.csv", '"","x","y","z"\n"nose",3,1,1\n"tail",1,3,3\n', ["nose", "tail"]),  # R
+        ("a.csv", '"","x","y","z"\n"nose",3,1,1\n"NA",1,3,3\n', ["nose", "NA"]),  # R; nasion
         ("a.csv", ",Landmark,X,Y,Z\n1,nose,3,1,1\n2,tail,1,3,3\n", ["nose", "tail"]),
         ("a.csv", "label,l,p,s,defined\nnose,3,1,1,1\ntail,1,3,3,1\n", ["nose", "tail"]),  # Slicer
         ("a.csv", "label,r,a,s\nnose,-3,-1,1\ntail,-1,-3,3\n", ["nose", "tail"]),

@@ -350,13 +350,13 @@ def _table(data: bytes, suffix: str, vertices: FloatArray) -> list[_Point]:
     labelled = len(names) > 3 and label not in at
     points = []
     for i, row in enumerate(rows[first:]):
-        row = ["nan" if word == "NA" else word for word in row]  # R's word for a missing number
         of_row = len(row) == len(names) and (first or len(row) in (3, 4))
-        if not of_row or not are_numbers(row[axis] for axis in at):
+        place = ["nan" if row[k] == "NA" else row[k] for k in at] if of_row else []  # NA: R's
+        if not of_row or not are_numbers(place):
             meant = "x, y and z with decimal points, perhaps after a label, or below these names"
             raise misfit(f"row {i}", between.join(row), f"; a point is {meant}")
-        placed = "defined" not in names or row[names.index("defined")] != "0"
-        place = [row[k] if placed else np.nan for k in at]
+        if "defined" in names and row[names.index("defined")] == "0":
+            place = ["nan"] * 3
         turned = "RAS" if axes == "ras" else "LPS"
         points.append(_point(row[label] if labelled else "", "", place, turned))
     return points
