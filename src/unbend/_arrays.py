@@ -23,11 +23,12 @@ def is_whole(number: Any) -> TypeGuard[int]:
     return isinstance(number, (int, np.integer)) and not isinstance(number, bool)
 
 
-def check_whole(number: Any, name: str, least: int = 0, most: int | None = None) -> None:
-    """Raise InputError unless it is a whole number within bounds."""
+def check_whole(number: Any, name: str, least: int = 0, most: int | None = None) -> int:
+    """Return a whole number as an int, for NumPy's may overflow; InputError if out of bounds."""
     if not is_whole(number) or number < least or (most is not None and number > most):
         bounds = f"of at least {least}" if most is None else f"from {least} to {most}"
         raise InputError(f"{name} must be a whole number {bounds}, not {number!r}")
+    return int(number)
 
 
 def check_choice(given: Any, name: str, choices: Iterable[str]) -> None:

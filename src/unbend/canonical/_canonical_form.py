@@ -295,8 +295,7 @@ def _form(
     most = surface.n_vertices
     if method == "sampled":  # p samples span p - 1 dimensions; an eigenfunction is constant
         most = min(most, options.n_samples, options.n_eigenpairs)
-    check_whole(options.n_components, "the form's dimension", 1, most - 1)
-    d = int(options.n_components)  # one of NumPy's may overflow
+    d = check_whole(options.n_components, "the form's dimension", 1, most - 1)
     options = options._replace(n_components=d)
     if method == "exact" and options.weighting == "uniform":
         check_memory(surface.mesh.name, surface.n_vertices, _FORM_COLUMNS * (d + 1))

@@ -17,6 +17,7 @@ from unbend._types import IntArray, StrPath
 from unbend.errors import FileError, InputError
 from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes
 from unbend.io._foreign import MeshLike
+from unbend.io._markups import LABELS
 from unbend.io._meshes import as_mesh
 from unbend.io._value_tables import read_table_of_values
 from unbend.io.formats.contents import are_numbers, data_lines, misfit, text_lines
@@ -147,7 +148,7 @@ def read_landmarks(
         is_csv = path.suffix.lower() == ".csv"
         if rows and is_csv and not any(are_numbers([word]) for word in rows[0]):
             header, rows = lines[0].lower(), rows[1:]
-            if re.fullmatch(r"\W*(label|name|landmark)\W+vertex\W*", header):
+            if re.fullmatch(rf"\W*({'|'.join(LABELS)})\W+vertex\W*", header):
                 raise FileError(
                     "holds vertices of one mesh; landmarks are pairs of vertices, source,target"
                 )

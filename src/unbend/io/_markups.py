@@ -26,7 +26,7 @@ from unbend.mesh import Mesh, used_vertices, vertex_ids
 
 MARKUP_SUFFIXES = (".json", ".fcsv", ".pp")
 _TABLES = (".csv", ".txt", ".pts")
-_LABELS = ("label", "name", "landmark")
+LABELS = ("label", "name", "landmark")
 # Of the diagonal of the mesh's bounding box: how far from the mesh a point may be, and how far from
 # the vertex that it is described as unless it has been moved.
 _FARTHEST, _MOVED = 0.03, 1e-3
@@ -331,8 +331,8 @@ def _table(data: bytes, suffix: str, vertices: FloatArray) -> list[_Point]:
     except csv.Error as error:
         raise FileError(f"not a table: {error}") from None
     names = [name.lower() for name in rows[0]] if rows else []
-    label = next((i for i, name in enumerate(names) if name in _LABELS), 0)
-    if "vertex" in names and "x" not in names and names[label] in _LABELS:
+    label = next((i for i, name in enumerate(names) if name in LABELS), 0)
+    if "vertex" in names and "x" not in names and names[label] in LABELS:
         number = names.index("vertex")
         for i, row in enumerate(rows[1:]):
             if len(row) != len(names) or not re.fullmatch(r"\d{1,18}", row[number]):

@@ -136,8 +136,8 @@ def eigenpairs(surface: Surface, k: int, *, tolerance: float = _RESIDUAL) -> Spe
 
     They are the same whatever the cache holds: one of a few numbers is computed.
     """
-    check_whole(k, f"{surface.mesh.name}: the number of eigenpairs", 1, surface.n_vertices)
-    operator, n, wanted = surface.operator, surface.n_vertices, int(k)  # NumPy's may overflow
+    operator, n = surface.operator, surface.n_vertices
+    k = wanted = check_whole(k, f"{surface.mesh.name}: the number of eigenpairs", 1, n)
     while True:
         # One more at least: the last one shows whether those before it are whole eigenspaces.
         count = next((few for few in (5, 11) if few > wanted), -(-wanted // 10) * 10 + 1)
