@@ -31,7 +31,6 @@ from sklearn.neighbors import NearestNeighbors
 from unbend import laplacian, read_mesh, write_mesh
 from unbend.collection import Collection
 from unbend.collection._adding import make_row
-from unbend.collection._descriptor import FORM_COMPONENTS, FORM_POINTS
 from unbend.datasets import make_biped, make_octopus, make_quadruped
 
 KINDS = (
@@ -207,7 +206,6 @@ def _empty_row(width: int) -> dict[str, Any]:
         **text,
         **numbers,
         "descriptor": vector,
-        "form": np.zeros(FORM_POINTS * FORM_COMPONENTS),
         "thumbnail": b"",
     }
 

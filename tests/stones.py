@@ -10,19 +10,18 @@ import pytest
 import unbend
 from once import once
 from unbend import write_map, write_mesh
-from unbend.collection import Collection, _adding, _pairs, _ranking, _registering
-from unbend.collection._descriptor import make_basis
+from unbend.collection import Collection, _adding, _pairs, _ranking, _registering, descriptor
 from unbend.datasets import make_sphere
 
 BALL = make_sphere(2)
-MATCH, SYMMETRY, MAKE_BASIS = map(once, (unbend.match, unbend.symmetry, make_basis))
+MATCH, SYMMETRY, DESCRIPTOR = map(once, (unbend.match, unbend.symmetry, descriptor))
 
 
 @pytest.fixture(scope="module", autouse=True)
 def computed_once() -> Iterator[None]:
     """The same shapes are described and matched once: when they are is tested here, not how."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_adding, "make_basis", MAKE_BASIS)
+        patch.setattr(_adding, "descriptor", DESCRIPTOR)
         patch.setattr(unbend, "symmetry", SYMMETRY)
         for module in (unbend, _pairs, _ranking, _registering):
             patch.setattr(module, "match", MATCH)

@@ -13,7 +13,6 @@ Interpolation = Literal["projection", "least-squares"]
 Partial = Literal["auto", "none", "source", "target", "both"]
 GeodesicKind = Literal["geodesic", "geodesic-exact"]
 ValueKind = Literal["auto", "scalar", "label", "weights", "color", "uv"]
-Rerank = Literal["none", "form", "match"]
 Axis = Literal["x", "y", "z"]
 Measure = Literal["similarity", "distance"]
 

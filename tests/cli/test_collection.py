@@ -72,7 +72,7 @@ def test_list_and_info(folder: Path) -> None:
 
 
 def test_search(folder: Path) -> None:
-    told = json_of("search", "shapes", "stones/stone02.ply", "-n", 2, "--rerank", "form")
+    told = json_of("search", "shapes", "stones/stone02.ply", "-n", 2)
     assert [hit["rank"] for hit in told["hits"]] == [1, 2]
     assert told["hits"][0]["path"] == str(folder / "stones" / "stone02.ply")
     rows = run("search", "shapes", "stones/stone02.ply").stdout.splitlines()
@@ -126,7 +126,7 @@ def test_what_misses_a_file_says_which_and_how_to_mend_it(tmp_path: Path) -> Non
     (tmp_path / "stones").rename(tmp_path / "away")
     mend = f"(there is no such file): run unbend collection add {store} NEWFOLDER"
     for arguments in (
-        ("search", store, query, "--rerank", "match"),
+        ("search", store, query, "--by-match"),
         ("search", store, query, "--report", tmp_path / "out.html"),
         ("groups", store, "-n", 1, "--report", tmp_path / "out.html"),
         ("match", store, "--all", "-o", tmp_path / "out", "--workers", 0),
@@ -137,7 +137,7 @@ def test_what_misses_a_file_says_which_and_how_to_mend_it(tmp_path: Path) -> Non
             assert f"{stone} {mend}" in done.stderr, done.output
     done = run("add", store, tmp_path / "away", query, "--workers", 0)
     assert done.stdout.startswith("added 0, already there 2 (2 copied or moved), failed 0")
-    done = run("search", store, query, "--rerank", "match", "--report", tmp_path / "out.html")
+    done = run("search", store, query, "--by-match", "--report", tmp_path / "out.html")
     assert done.exit_code == 0
     assert all(line.startswith("progress: ") for line in done.stderr.splitlines())
 

@@ -117,15 +117,15 @@ SCHEMA: dict[str, dict[str, Any]] = {
     "collection list store": {"store": str, "shapes": [ENTRY]},
     "collection info store": {
         "store": str, "n_shapes": int, "n_files": int, "n_bytes": int, "version": str,
-        "descriptor_length": int, "indexed": bool, "parameters": dict,
+        "descriptor_length": int, "indexed": bool,
     },
     "collection info store a.ply --thumbnail OUT/a.png": {"store": str, **ENTRY},
     "collection remove OUT/store a.ply": {"store": str, "removed": [ENTRY], "n_shapes": int},
     "collection search store a.ply": {
-        "store": str, "query": str, "rerank": str,
+        "store": str, "query": str, "by_match": bool,
         "hits": [
             {"rank": int, "id": str, "path": str, "also": [str], "distance": NUMBER,
-             "reranked": MAYBE}
+             "energy": MAYBE}
         ],
     },
     "collection matrix store": {

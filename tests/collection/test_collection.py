@@ -19,10 +19,9 @@ import pytest
 
 from stones import BALL, rows_of, write_stones
 from unbend import Mesh, read_mesh, write_mesh
-from unbend.alignment import align
 from unbend.collection import Collection, Failure, Hit, _collection, _ranking, _store, descriptor
 from unbend.collection._engine import Outcome
-from unbend.errors import FileError, InputError, MeshError, MissingExtraError, UnbendWarning, warn
+from unbend.errors import FileError, InputError, MeshError, MissingExtraError, UnbendWarning
 
 
 def assert_same_rows(one: Collection, other: Collection) -> None:
@@ -132,21 +131,8 @@ def test_open_and_torn_shapes_in_pieces_are_welcome(tmp_path: Path) -> None:
     collection = Collection(tmp_path / "store")
     assert collection.add(tmp_path, workers=0).failures == ()
     assert [Path(row["path"]).stem for row in rows_of(collection)] == sorted(shapes)
-    hits = collection.search(tmp_path / "box.ply", 2, rerank="form")
+    hits = collection.search(tmp_path / "box.ply", 2)
     assert Path(hits[0].path).stem == "box"
-
-
-def test_forms_rank_again(
-    filled: Collection, stones: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def unfinished(*forms):
-        warn("the alignment has not converged")
-        return align(*forms)
-
-    monkeypatch.setattr(_ranking, "align", unfinished)
-    hits = filled.search(stones / "stone07.ply", 2, rerank="form")
-    assert hits[0].path == str(stones / "stone07.ply")
-    assert 0 <= hits[0].reranked < 1e-4 < hits[1].reranked
 
 
 def test_matches_rank_again_and_what_cannot_be_matched_comes_last(
@@ -161,14 +147,14 @@ def test_matches_rank_again_and_what_cannot_be_matched_comes_last(
     collection.add([path, tmp_path / "strip.ply", tmp_path / "with_dust.ply"], workers=0)
     told = []
     hits = collection.search(
-        path, 3, rerank="match", progress=lambda stage, share: told.append((stage, share))
+        path, 3, by_match=True, progress=lambda stage, share: told.append((stage, share))
     )
     assert ("matching 2 of 3", 1 / 3) in told
     assert {Path(hit.path).stem for hit in hits[:2]} == {"stone07", "with_dust"}
-    np.testing.assert_allclose([hit.reranked for hit in hits], [0, 0, np.inf], atol=0.01)
+    np.testing.assert_allclose([hit.energy for hit in hits], [0, 0, np.inf], atol=0.01)
     strip = tmp_path / "strip.ply"
     with pytest.warns(UnbendWarning, match="none could be matched, .* descriptors: strip.ply"):
-        again = collection.search(strip, rerank="match")
+        again = collection.search(strip, by_match=True)
     assert [hit.id for hit in again] == [hit.id for hit in collection.search(strip)]
 
 
@@ -192,7 +178,7 @@ def test_matches_rank_by_their_best_energy_then_by_distance(
     hits = [Hit(path=path, id=path, distance=4 - i) for i, path in enumerate("abcd")]
     found = _ranking.rank_by_match(BALL, hits, "store", lambda *at: told.append(at))
     assert [hit.path for hit in found] == ["d", "b", "a", "c"]
-    assert [hit.reranked for hit in found] == [0.1, 0.1, 0.3, math.inf]
+    assert [hit.energy for hit in found] == [0.1, 0.1, 0.3, math.inf]
     assert told == [(f"matching {i + 1} of 4", i / 4) for i in range(4)]
 
 
@@ -237,7 +223,7 @@ def test_twice_as_many_as_asked_for_are_matched(
     monkeypatch.setattr(_collection, "rank_by_match", lambda query, hits, *rest: hits[::-1])
     path = stones / "stone05.ply"
     best = filled.search(path, 8)
-    assert filled.search(path, 4, rerank="match") == best[:3:-1]
+    assert filled.search(path, 4, by_match=True) == best[:3:-1]
 
 
 def test_distances_are_those_of_the_descriptors(filled: Collection) -> None:
@@ -305,12 +291,6 @@ def test_what_another_process_removes_meanwhile_is_not_there(
     remove_after("find", second.id)
     with pytest.raises(InputError, match="is not in the collection"):
         own.thumbnail(second.id)
-    third, fourth, *_ = own
-    remove_after("nearest", third.id)
-    found = own.search(fourth.path, rerank="form")
-    assert found[0].id == fourth.id
-    assert third.id not in {hit.id for hit in found}
-    assert len(found) == 5
 
 
 def test_a_thumbnail_is_a_picture_of_the_shape(filled: Collection, tmp_path: Path) -> None:
@@ -347,8 +327,6 @@ def test_export_keeps_every_number(filled: Collection, tmp_path: Path) -> None:
 def test_mistakes(filled: Collection, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InputError, match="n must be a whole number"):
         filled.search(BALL, 0)
-    with pytest.raises(InputError, match="rerank must be"):
-        filled.search(BALL, rerank="forms")
     (tmp_path / "file").write_text("")
     with pytest.raises(FileError, match="is a file"):
         Collection(tmp_path / "file")

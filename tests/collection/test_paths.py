@@ -260,27 +260,23 @@ def test_a_shape_is_matched_from_whatever_file_there_is(tmp_path: Path, store: C
     one.write_text("something else")
     done = store.match(None, tmp_path / "matches", workers=0)
     assert (done.matched, done.failures) == (1, ())
-    hits = store.search(other, 2, rerank="match")
-    assert all(np.isfinite(hit.reranked) for hit in hits)
+    hits = store.search(other, 2, by_match=True)
+    assert all(np.isfinite(hit.energy) for hit in hits)
     os.remove(copy)
     with pytest.warns(UnbendWarning, match=rf"{copy} \(there is no such file\): run unbend coll"):
-        hits = store.search(other, 2, rerank="match")
-    assert [np.isfinite(hit.reranked) for hit in hits] == [True, False]
+        hits = store.search(other, 2, by_match=True)
+    assert [np.isfinite(hit.energy) for hit in hits] == [True, False]
 
 
 # What a collection was before a shape had several paths: a row, with one path, for each content.
+# Rows had canonical forms, too.
 def write_old_store(folder: Path, rows: list[dict]) -> None:
     def fixed(name: str) -> pa.DataType:
         return pa.list_(pa.float32(), len(rows[0][name]))
 
     key = {"lance-schema:unenforced-primary-key": "true"}
-    parameters = {
-        "descriptor": DESCRIPTOR_VERSION,
-        "form_points": 256,
-        "form_components": 3,
-        "form_distance": "biharmonic",
-        "form_weighting": "area",
-    }
+    parameters = {"descriptor": DESCRIPTOR_VERSION, "form_points": 256, "form_components": 3}
+    rows = [{**row, "form": np.zeros(768, dtype=np.float32)} for row in rows]
     schema = pa.schema(
         [
             ("id", pa.string()),
@@ -313,10 +309,14 @@ def test_a_store_of_an_earlier_version_is_read_and_goes_on(
     np.testing.assert_array_equal(old.distances()[1], filled.distances()[1])
     assert old.search(rows[3]["path"], 2) == filled.search(rows[3]["path"], 2)
     copy = copied(rows[3]["path"], tmp_path / "copy.ply")
-    assert counts(old.add([copy, *(row["path"] for row in rows)], workers=0)) == (0, 9, 1)
+    write_mesh(tmp_path / "new.ply", (BALL.vertices**3, BALL.faces))
+    paths = [copy, *(row["path"] for row in rows), tmp_path / "new.ply"]
+    assert counts(old.add(paths, workers=0)) == (1, 9, 1)
     (entry,) = old.find([copy])
     assert {entry.path, *entry.also} == {copy, rows[3]["path"]}
-    assert len(old) == 8
+    assert len(old) == 9
+    assert old.search(tmp_path / "new.ply", 1)[0].path == str(tmp_path / "new.ply")
+    assert old.export(tmp_path / "all.parquet") == 10
 
 
 def test_names_that_are_beginnings_of_two_ids_are_refused(own: Collection) -> None:

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from unbend.collection import _store
-from unbend.collection._descriptor import FORM_COMPONENTS, FORM_POINTS
 from unbend.collection._store import Store
 from unbend.errors import FileError
 
@@ -29,7 +28,6 @@ def rows(*names: str) -> list[dict[str, Any]]:
             "notes": "",
             "version": "1",
             "descriptor": np.float32(chance.normal(size=8)),
-            "form": np.zeros(FORM_POINTS * FORM_COMPONENTS, dtype=np.float32),
             "thumbnail": b"",
         }
         for name in names

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from unbend._types import Progress
-from unbend.collection._descriptor import DESCRIPTOR_VERSION, describe, make_basis, sample_form
+from unbend.collection._descriptor import DESCRIPTOR_VERSION, descriptor
 from unbend.collection._engine import Engine, Outcome, counted
 from unbend.collection._files import File, find_files, hash_file, hashed, is_gone, warn_of_others
 from unbend.collection._rows import Added, Failure
@@ -145,9 +145,8 @@ def make_row(file: File) -> dict[str, Any]:
         mesh = read_mesh(path)
         if hash_file(path) != file:  # it was hashed some hundred files ago
             raise FileError("it has changed since this command began; add it again")
-        basis = make_basis(mesh)
-        descriptor, form = describe(basis), sample_form(basis)
-    if not (np.isfinite(descriptor).all() and np.isfinite(form).all()):
+        vector = descriptor(mesh)
+    if not np.isfinite(vector).all():
         raise MeshError("its descriptor is not finite; try unbend check on it")
     notes = dict.fromkeys([*mesh.notes, *said])
     return {
@@ -158,7 +157,6 @@ def make_row(file: File) -> dict[str, Any]:
         "area": float(vertex_areas(mesh).sum()) if mesh.n_faces else 0.0,
         "notes": "; ".join(note.removeprefix(f"{mesh.name}: ") for note in notes),
         "version": DESCRIPTOR_VERSION,
-        "descriptor": descriptor,
-        "form": form.astype(np.float32).ravel(),
+        "descriptor": vector,
         "thumbnail": thumbnail(mesh, _THUMBNAIL),
     }

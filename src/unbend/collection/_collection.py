@@ -13,12 +13,12 @@ from unbend._arrays import check_whole
 from unbend._memory import available_memory
 from unbend._text import gib, plural
 from unbend._types import FloatArray, Progress, StrPath
-from unbend.choices import Partial, Rerank
+from unbend.choices import Partial
 from unbend.collection._adding import add_files
-from unbend.collection._descriptor import describe, make_basis, sample_form
+from unbend.collection._descriptor import descriptor
 from unbend.collection._engine import engine
 from unbend.collection._pairs import match_pairs
-from unbend.collection._ranking import rank_by_form, rank_by_match
+from unbend.collection._ranking import rank_by_match
 from unbend.collection._registering import register_collection
 from unbend.collection._rows import Added, Entry, Hit, Info, Matched, Registered
 from unbend.collection._store import Store, among, check_outside
@@ -150,7 +150,7 @@ class Collection:
         mesh: MeshLike,
         n: int = 10,
         *,
-        rerank: Rerank = "none",
+        by_match: bool = False,
         index: bool = False,
         progress: Progress | None = None,
     ) -> list[Hit]:
@@ -162,10 +162,9 @@ class Collection:
             It need not be in the collection.
         n : int, default=10
             How many to find.
-        rerank : {"none", "form", "match"}, default="none"
-            Order the best again: by how well their canonical forms align (the best 2 n, or 100 if
-            that is more; hundredths of a second each), or by the energy of the query's match with
-            them (the best 2 n; seconds each, from their files).
+        by_match : bool, default=False
+            Rank the best 2 n again, by the energy of the query's match with each; seconds each,
+            from their files.
         index : bool, default=False
             Search approximately, with an index that is created or updated first: faster beyond
             100,000 shapes.
@@ -185,22 +184,14 @@ class Collection:
             If the query cannot be described.
         """
         check_whole(n, "n", 1)
-        if rerank not in ("none", "form", "match"):
-            raise InputError(f"rerank must be 'none', 'form' or 'match', not {rerank!r}")
         self._store.check_version()
         self._store.check_filled()
         index = index and len(self._store) >= _LEAST_INDEXED
         if index:
             self._store.build_index()
         query = as_mesh(mesh)
-        basis = make_basis(query)
-        most = {"none": n, "form": max(2 * n, 100), "match": 2 * n}[rerank]
-        hits = self._store.nearest(describe(basis), most, index=index)
-        if rerank == "none":
-            return hits
-        if rerank == "form":
-            return rank_by_form(sample_form(basis), hits, self._store)[:n]
-        return rank_by_match(query, hits, self.path, progress)[:n]
+        hits = self._store.nearest(descriptor(query), 2 * n if by_match else n, index=index)
+        return rank_by_match(query, hits, self.path, progress)[:n] if by_match else hits
 
     def distances(self) -> tuple[list[Entry], FloatArray]:
         """Compare every shape with every other by descriptor.

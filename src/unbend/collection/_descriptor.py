@@ -7,10 +7,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import first_largest
 from unbend._memory import check_memory
 from unbend._types import FloatArray
-from unbend.canonical import spread_samples
 from unbend.collection._whole import whole_surface
 from unbend.errors import SolverError
 from unbend.io import MeshLike, as_mesh
@@ -18,7 +16,6 @@ from unbend.linalg.lanczos import smallest_eigenpairs, working_columns
 from unbend.mesh import Mesh
 
 DESCRIPTOR_VERSION = "heat-wave-3"
-FORM_POINTS, FORM_COMPONENTS = 256, 3
 
 # By Weyl's law eigenvalue i of a surface of unit area is about 4 pi i, so these reach 1200.
 _N_EIGENPAIRS = 100
@@ -115,25 +112,6 @@ def describe(basis: Basis) -> npt.NDArray[np.float32]:
     waves = np.log(waves + _LEAST_SIGNATURE)
     blocks = quantiles(heat, basis.areas, _LEVELS).ravel(), log_covariance(waves, basis.areas)
     return np.concatenate([block / np.sqrt(block.size) for block in blocks]).astype(np.float32)
-
-
-def sample_form(basis: Basis) -> FloatArray:
-    """Sample the canonical form at its farthest points, the same number for all shapes.
-
-    Weighted by area, the exact form of biharmonic distances is the eigenfunctions, each divided
-    by its eigenvalue. Points repeat where the surface has fewer vertices.
-    """
-    kept = slice(1, 1 + FORM_COMPONENTS)
-    points = basis.functions[:, kept] / basis.values[kept]
-    points = np.pad(points, ((0, 0), (0, FORM_COMPONENTS - points.shape[1])))
-    start = int(first_largest((points**2).sum(axis=1)))
-    taken, _ = spread_samples(
-        lambda sources: np.linalg.norm(points[None] - points[sources, None], axis=2),
-        len(points),
-        min(len(points), FORM_POINTS),
-        start,
-    )
-    return points[np.resize(taken, FORM_POINTS)]
 
 
 def heat_kernel(basis: Basis, times: FloatArray) -> FloatArray:

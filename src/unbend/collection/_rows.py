@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from unbend._display import Brief, is_doubtful
 from unbend.errors import UnbendError
@@ -48,15 +46,14 @@ class Hit:
         See :class:`Entry`.
     distance : float
         Of the descriptors; 0 for the same shape.
-    reranked : float or None
-        The distance of the aligned forms or the energy of the match, where it was ranked by that
-        again; infinite where it could not be matched.
+    energy : float or None
+        Of its match with the query, where that ranks; infinite where it could not be matched.
     """
 
     id: str
     path: str
     distance: float
-    reranked: float | None = None
+    energy: float | None = None
     also: tuple[str, ...] = ()
 
 
@@ -192,8 +189,6 @@ class Info:
     descriptor_length : int
     indexed : bool
         Whether there is an index for approximate search.
-    parameters : mapping of str to int or str
-        What the descriptors and forms were computed with.
     """
 
     n_shapes: int
@@ -202,4 +197,3 @@ class Info:
     version: str
     descriptor_length: int
     indexed: bool
-    parameters: Mapping[str, Any]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import json
 import os
 import re
 import tempfile
@@ -20,7 +19,7 @@ import numpy.typing as npt
 from unbend._parallel import n_cores
 from unbend._text import quoted
 from unbend._types import StrPath
-from unbend.collection._descriptor import DESCRIPTOR_VERSION, FORM_COMPONENTS, FORM_POINTS
+from unbend.collection._descriptor import DESCRIPTOR_VERSION
 from unbend.collection._rows import Entry, Hit, Info
 from unbend.errors import FileError, InputError, MissingExtraError, UnbendError
 from unbend.io import atomic_write
@@ -37,13 +36,6 @@ _ROWS_AT_ONCE = 4096
 _NAMES_AT_ONCE = 256  # that one query asks for
 _FORMAT = "2.0"  # of Lance's files; searches of later formats are half as fast
 _PROBES = 20  # cells, of some thousand rows each, in an approximate search
-_PARAMETERS = {  # what rows were computed with that can be compared
-    "descriptor": DESCRIPTOR_VERSION,
-    "form_points": FORM_POINTS,
-    "form_components": FORM_COMPONENTS,
-    "form_distance": "biharmonic",
-    "form_weighting": "area",
-}
 
 
 class Store:
@@ -186,7 +178,6 @@ class Store:
             version=self._version(),
             descriptor_length=int(self.schema.field("descriptor").type.list_size),
             indexed=self.indexed,
-            parameters=json.loads(self.schema.metadata[b"parameters"]),
         )
 
     def _version(self) -> str:
@@ -385,9 +376,8 @@ def _arrow(rows: Sequence[dict[str, Any]]) -> Any:
             ("notes", pa.string()),
             ("version", pa.string()),
             ("descriptor", pa.list_(pa.float32(), len(rows[0]["descriptor"]))),
-            ("form", pa.list_(pa.float32(), FORM_POINTS * FORM_COMPONENTS)),
             ("thumbnail", pa.binary()),
         ],
-        metadata={"parameters": json.dumps(_PARAMETERS)},
+        metadata={"parameters": DESCRIPTOR_VERSION},
     )
     return pa.Table.from_pylist(list(rows), schema=schema)

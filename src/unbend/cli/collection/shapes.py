@@ -97,7 +97,6 @@ def info(
             "size": "unknown" if found.n_bytes is None else f"{found.n_bytes / 2**20:,.1f} MiB",
             "descriptors": f"version {found.version}, {found.descriptor_length} numbers each",
             "indexed": "yes" if found.indexed else "no: every search looks at all",
-            **{name: str(value) for name, value in found.parameters.items()},
         }
         tell({"store": store, **vars(found)}, rows(lines))
         return
