@@ -337,6 +337,15 @@ def test_transfer_writes_where_it_is_to_be_trusted(folder: Path, tmp_path: Path)
     assert errors.shape == (500,)
     assert (errors >= found.expected_error.min() - 1e-9).all()
     assert (errors <= found.expected_error.max() + 1e-9).all()
+    points = tmp_path / "points.csv"
+    points.write_text("label,vertex\nnose,3\ntail,500\n")
+    line = [*given[:-1], points, "--map", folder / "ab.npz", "-o", tmp_path / "b.mrk.json"]
+    right(*line, "--expected-error", tmp_path / "errors.csv")
+    nose, tail = found.expected_error[[3, 500]].tolist()
+    told = (tmp_path / "errors.csv").read_text().split()
+    assert told == ["label,expected_error", f"nose,{nose}", f"tail,{tail}"]
+    refused = run(*line, "--expected-error", tmp_path / "errors.npy")
+    assert (refused.exit_code, (tmp_path / "errors.npy").exists()) == (2, False)
     write_match(tmp_path / "old.npz", replace(found, expected_error=None))
     refused = run(*given, "--map", tmp_path / "old.npz", *out)
     assert refused.exit_code == 2

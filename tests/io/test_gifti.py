@@ -71,9 +71,11 @@ def test_labels_are_whole_numbers_that_are_never_averaged(tmp_path: Path) -> Non
     labels = read_values(path)
     assert labels.dtype == np.int64
     assert labels.tolist() == [3, 3, 0, -1]
-    write_gifti(path, map_1, array(LABEL, FACES.ravel()[:4]))  # columns would be
-    with pytest.raises(FileError, match="holds value_1, value_2; name one of them"):
-        read_values(path)
+    for names in (("", ""), ("parts_0", "parts_1")):  # columns of one name would be
+        maps = zip((np.array([3, 3, 0, -1], dtype=np.int32), FACES.ravel()[:4]), names, strict=True)
+        write_gifti(path, *(array(LABEL, values, Name=name) for values, name in maps))
+        with pytest.raises(FileError, match="holds value_1, value_2; name one of them"):
+            read_values(path)
     np.testing.assert_array_equal(read_values(path, name="value_2"), FACES.ravel()[:4])
 
 

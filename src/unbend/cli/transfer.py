@@ -39,7 +39,7 @@ def transfer(
           from 0 to 255, uv for texture coordinates, else scalar.
       property_name: Which values of a mesh file: a property of its vertices, color or uv.
       expected_error: Also write the expected error of the map at each target vertex, in square
-          roots of the target's area (.npy, .csv, .txt, .ply, .vtp).
+          roots of the target's area (.npy, .csv, .txt, .ply, .vtp); at each landmark (.csv).
 
     $ unbend transfer dog.ply cat.ply --values weights.npy --kind weights -o cat_weights.npy
     $ unbend transfer dog.ply cat.ply --values parts.csv --map dog_cat.npz -o cat_parts.csv
@@ -61,6 +61,8 @@ def transfer(
             "give other values in a .npy, .csv or .txt file"
         )
     io.check_writable(out, (".json",) if is_markup else io.VALUE_SUFFIXES + io.COLOR_SUFFIXES)
+    if is_markup and expected_error is not None:
+        io.check_writable(expected_error, (".csv",))
     shapes = a, b = read_shapes((source, target), component)
     chosen: Any = "landmarks"
     if is_markup:
@@ -88,6 +90,10 @@ def transfer(
     if is_markup:
         labels, carried = unbend.correspondence.transfer_landmarks(labels, array, forward, b)
         io.write_markups(out, b, carried, labels)
+        if expected_error is not None:
+            bounds = errors[array[forward[array] >= 0]].tolist()
+            table = zip(labels, bounds, strict=True)
+            io.write_table(expected_error, [["label", "expected_error"], *table])
     else:
         carried = unbend.transfer(array, found, kind=chosen, source=a, target=b)
         is_mesh = out.lower().endswith(io.COLOR_SUFFIXES)
@@ -105,7 +111,7 @@ def transfer(
                 f"{a.name}, and take the value of the nearest one that is; with a .npz map, those "
                 "beyond the overlap take none",
             )
-    if expected_error is not None:
+    if expected_error is not None and not is_markup:
         errors = unbend.transfer(errors, found, kind="scalar", source=a, target=b)
         io.write_values(expected_error, errors, b)
     lost = int((back < 0).sum())

@@ -207,8 +207,8 @@ def _of_gifti(image: Any) -> Contents:
     names = [one.meta.get("Name") or "value" for one in columns]
     if len({len(one.data) for one in columns}) > 1:
         raise FileError("its arrays of values differ in length: save each in a file of its own")
-    if len({*names}) < len(names):
-        first = int(_LABEL in intents)  # columns are joined if numbered from 0, and then averaged
+    first = int(_LABEL in intents)  # columns are joined if numbered from 0, and then averaged
+    if len({*names}) < len(names) or (first and any(name.endswith("_0") for name in names)):
         names = [f"value_{i}" for i in range(first, first + len(names))]
     values = {name: _plain(one.data) for name, one in zip(names, columns, strict=True)}
     return Contents(places, corners, _READ_BY_NIBABEL, lambda: values)
