@@ -223,6 +223,14 @@ def test_export_and_remove(folder: Path, tmp_path: Path) -> None:
     assert done.stdout.startswith("wrote 4 rows to all.parquet, one for each file\n")
     told = json_of("remove", tmp_path / "store", "stones/stone00.ply")
     assert (len(told["removed"]), told["n_shapes"]) == (1, 0)
+    stones = write_stones(tmp_path / "stones", 3)
+    Collection(tmp_path / "store").add(stones, workers=0)
+    stones[1].unlink()
+    assert run("remove", tmp_path / "store", "--missing").stdout.splitlines() == [
+        f"removed {stones[1]}",
+        f"{tmp_path / 'store'} has 2 shapes",
+    ]
+    assert "name the shapes to remove, or give --missing" in run("remove", "shapes").stderr
 
 
 def test_a_page_or_figure_that_is_refused_leaves_no_table(

@@ -240,6 +240,18 @@ def test_one_path_can_be_removed_or_the_whole_shape(pair: list[str], store: Coll
     assert len(store) == 0
 
 
+def test_files_that_are_gone_can_be_dropped(pair: list[str], store: Collection) -> None:
+    assert store.missing() == []
+    store.add(pair, workers=0)
+    os.remove(pair[1])
+    assert store.missing() == [pair[1]]
+    store.remove(store.missing())
+    assert list(paths_in(store).values()) == [(pair[0],)]
+    os.remove(pair[0])
+    with pytest.raises(FileError, match="is a disk not mounted"):
+        store.missing()
+
+
 def test_a_search_counts_shapes_not_files(filled: Collection, own: Collection, tmp_path) -> None:
     paths = sorted(entry.path for entry in own)
     copies = [copied(paths[4], tmp_path / f"copy{i}.ply") for i in range(5)]

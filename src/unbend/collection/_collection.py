@@ -17,12 +17,13 @@ from unbend.choices import Partial
 from unbend.collection._adding import add_files
 from unbend.collection._descriptor import descriptor
 from unbend.collection._engine import engine
+from unbend.collection._files import is_gone
 from unbend.collection._pairs import match_pairs
 from unbend.collection._ranking import rank_by_match
 from unbend.collection._registering import register_collection
 from unbend.collection._rows import Added, Entry, Hit, Info, Matched, Registered
 from unbend.collection._store import Store, among, check_outside
-from unbend.errors import InputError
+from unbend.errors import FileError, InputError
 from unbend.io import MeshLike, as_mesh, check_writable
 
 _LEAST_INDEXED = 10_000  # rows: with fewer an index finds nothing sooner
@@ -232,6 +233,20 @@ class Collection:
             If one is not there, or may mean several.
         """
         return self._store.find(_listed(names))
+
+    def missing(self) -> list[str]:
+        """Paths of all files that are certainly not there any more, for :meth:`remove`.
+
+        Raises
+        ------
+        FileError
+            If none of the files is there, as where a disk is not mounted.
+        """
+        paths = [path for one in self for path in (one.path, *one.also)]
+        gone = [path for path in paths if is_gone(path)]
+        if gone and len(gone) == len(paths):
+            raise FileError(f"none of the files of {self.path} is there: is a disk not mounted?")
+        return gone
 
     def remove(self, names: StrPath | Iterable[StrPath]) -> list[Entry]:
         """Take shapes out of the collection; their files stay.

@@ -119,17 +119,26 @@ def info(
     tell({"store": store, **vars(entry)}, rows(lines), written=[thumbnail])
 
 
-def remove(store: str, shapes: list[str]) -> None:
+def remove(
+    store: str,
+    shapes: Annotated[list[str] | None, typer.Argument(metavar="[SHAPES]")] = None,
+    missing: Annotated[bool, typer.Option("--missing")] = False,
+) -> None:
     """Remove shapes from a collection; their files stay where they are.
 
     A path removes only that path of a shape that has several. An id removes the shape.
 
       shapes: Paths, or ids (8 digits or more of them).
+      missing: Also remove all paths whose files are not there any more.
 
     $ unbend collection remove shapes scans/cat0.off
     $ unbend collection remove shapes 3287ee037b25 9f0c11d2a4b7
+    $ unbend collection remove shapes --missing
     """
+    if not shapes and not missing:
+        raise InputError("name the shapes to remove, or give --missing")
     collection = opened(store)
+    shapes = [*(shapes or []), *(collection.missing() if missing else [])]
     left = {one.id: {one.path, *one.also} for one in collection.find(shapes)}
     removed = collection.remove(shapes)
     for entry in removed:
@@ -148,7 +157,7 @@ def export(store: str, out: Annotated[str, options.out()]) -> None:
 
     There is a row for each file. Identical files have the same id.
 
-      out: .parquet: every column; .csv: all but forms and thumbnails.
+      out: .parquet: every column; .csv: all but thumbnails.
 
     $ unbend collection export shapes -o shapes.parquet
     $ unbend collection export shapes -o shapes.csv
