@@ -60,6 +60,7 @@ def test_what_does_not_fit_is_refused(blob: Mesh, form: CanonicalForm, tmp_path:
     for mesh, up, message in (
         (Mesh(blob.vertices[:3], [[0, 1, 2]]), "y", "the form has 642 points"),
         (blob, "w", "up must be"),
+        (blob, ["y"], "up must be"),
     ):
         with pytest.raises(InputError, match=message):
             draw_form(mesh, form, tmp_path / "a.png", up=up)

@@ -26,7 +26,6 @@ from unbend.io.formats.npy import read_array, write_array
 
 VALUE_SUFFIXES = (".npy", ".csv", ".txt")
 _OPAQUE = "the transparency of colours is not kept"
-_UV = ["uv_0", "uv_1"]
 _EMPTY_LINE = re.compile(rb"\n\s*\n\s*\S")
 _NORMAL = ("nx", "ny", "nz")
 # Columns of mesh files that are one value: colours, and texture coordinates by three programs.

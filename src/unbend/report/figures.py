@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import numbers_of
+from unbend._arrays import check_choice, numbers_of
 from unbend._text import plural, printable
 from unbend._types import FloatArray, StrPath
 from unbend.alignment import procrustes
@@ -264,8 +264,7 @@ def save_figure(figure: Any, path: StrPath) -> None:
 
 def upright(up: str) -> FloatArray:
     """Rotation of a shape's upward axis to the picture's, y; InputError if there is no such."""
-    if up not in _UPRIGHT:
-        raise InputError(f'up must be "x", "y" or "z", not {up!r}')
+    check_choice(up, "up", _UPRIGHT)
     return _UPRIGHT[up]
 
 

@@ -10,7 +10,7 @@ from typing import Any, get_args
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import array_of, numbers_of
+from unbend._arrays import array_of, check_choice, numbers_of
 from unbend._display import table
 from unbend._text import plural
 from unbend._types import Progress, StrPath
@@ -86,8 +86,7 @@ def similarity_page(
     """
     step = parts.begin_page(path, up, progress)
     shapes = list(shapes)
-    if measure not in get_args(Measure):
-        raise InputError(f'measure must be "similarity" or "distance", not {measure!r}')
+    check_choice(measure, "measure", get_args(Measure))
     array = checked_table(values, len(shapes))
     numbers = None if groups is None else array_of(groups, "groups")
     if numbers is not None and (
