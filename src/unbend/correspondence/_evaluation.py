@@ -251,19 +251,13 @@ def _errors(
             if progress is not None:
                 progress(f"{kind} distances", i / len(vertices))
             distances = (from_vertex(vertex) / scale).astype(np.float32)
-            if _has_room(distances.nbytes * (len(kept) + 1)):
+            size = distances.nbytes * (len(kept) + 1)
+            room = available_memory() if size > _KEPT_BYTES else None
+            if room is None or size <= room:
                 kept[vertex] = distances
         errors[some] = distances[found[rows[some]]]
     _forget()
     return errors, truth >= 0
-
-
-def _has_room(n_bytes: int) -> bool:
-    """Whether so much may be kept of one mesh: if more than usual, then no more than is free."""
-    if n_bytes <= _KEPT_BYTES:
-        return True
-    there = available_memory()
-    return there is None or n_bytes <= there
 
 
 def _forget() -> None:

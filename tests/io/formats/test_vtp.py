@@ -187,6 +187,7 @@ def test_a_cut_file_is_refused(tmp_path: Path, how: str, packer: str) -> None:
         ('Points="4"', 'Points="5"', "damaged: a piece has not 5 points of three numbers"),
         ("</VTKFile>", "", "truncated, or not a VTK file in XML"),
         ("Piece", "Part", "holds no pieces"),
+        ("ascii", "binary", "truncated or damaged: .*base64"),
     ],
 )
 def test_what_cannot_be_read_is_said(tmp_path: Path, old: str, new: str, why: str) -> None:

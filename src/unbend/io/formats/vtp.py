@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import binascii
 import lzma
 import re
 import zlib
@@ -74,8 +73,9 @@ class _Reader:
                 start = count(one.get("offset", ""), "bytes")
                 end = min((at for at in self.starts if at > start), default=None)
                 data = self.appended[start:end]
-            data = data if self.raw and how == "appended" else _from_base64(data)
             try:
+                if not (self.raw and how == "appended"):  # parts, each with its own padding
+                    data = b"".join(map(b64decode, re.findall(rb"[A-Za-z0-9+/\s]+=*", data)))
                 found = self.unpacked(data, np.dtype(self.order + _CODES[kind]))
             except (ValueError, OverflowError, zlib.error, lzma.LZMAError) as error:
                 raise FileError(f"truncated or damaged: {name or 'an array'}: {error}") from None
@@ -95,14 +95,6 @@ class _Reader:
             blocks = [data[start:end] for start, end in pairwise(ends)]
             found = np.frombuffer(b"".join(map(_UNPACK[self.compressor], blocks)), dtype)
         return found.astype(dtype.newbyteorder("="))
-
-
-def _from_base64(data: bytes) -> bytes:
-    """Decode all parts, each with its own padding."""
-    try:
-        return b"".join(map(b64decode, re.findall(rb"[A-Za-z0-9+/\s]+=*", data)))
-    except binascii.Error as error:
-        raise FileError(f"truncated: {error}") from None
 
 
 def read(data: bytes) -> Contents:
