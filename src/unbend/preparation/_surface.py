@@ -12,7 +12,7 @@ from unbend._arrays import sum_rows, unit_of, unit_vectors
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.errors import MeshError
 from unbend.io import MeshLike, as_mesh
-from unbend.mesh import Mesh, find_components, find_edges, label_linked, orient_consistently
+from unbend.mesh import Mesh, find_components, label_linked, orient_consistently
 from unbend.preparation._prepare import check_size
 from unbend.preparation._tetrahedra import (
     LONGEST,
@@ -157,8 +157,6 @@ def _surface_of_points(cloud: Mesh) -> PointSurface:
     if kept[~cut].all():  # what is partial anyway stays open at cuts, too
         kept[:] = True
     point, faces = split(faces[kept], edges[kept])
-    while (pinched := _pinched(faces, len(point))).any():
-        faces = faces[~pinched[faces].any(axis=1)]
     largest = find_components(faces, len(point)).of_vertex == 0
     vertices = points[point[largest]]
     # Almost flat tetrahedra may have been wound inward.
@@ -303,10 +301,3 @@ def _supported(
     area = np.linalg.norm(across[~supported], axis=1) / 2 / scale[~supported] ** 2
     supported[~supported] = (np.bincount(patch, area) < _SMALL)[patch]
     return np.asarray(supported)
-
-
-def _pinched(faces: IntArray, n: int) -> BoolArray:
-    """Vertices (n,) where two boundaries meet."""
-    edges = find_edges(faces, n)
-    boundary = edges.ends[edges.n_faces == 1]
-    return np.asarray(np.bincount(boundary.ravel(), minlength=n) > 2)
