@@ -71,6 +71,11 @@ def test_what_is_done_to_a_shape_is_told(blob: Mesh, cut: bool) -> None:
         prepare_shape(mesh, 10)
     assert said[-1] == "blob: 1 face left out, for naming a vertex twice"
     assert [one.endswith("seams of a texture") for one in said[:-1]] == [True] * cut
+    scrap = [mesh.n_vertices + np.arange(3)]
+    several = Mesh([*mesh.vertices, *np.eye(3) + 9], np.concatenate([mesh.faces, scrap]))
+    with heard() as said:
+        prepare_shape(several, 10)
+    assert [one.endswith("seams of a texture") for one in said] == [True] * cut + [False]
 
 
 @pytest.mark.parametrize(
