@@ -10,6 +10,7 @@ FOLDER holds copies of public repositories under their own names:
     Intrinsic-Symmetry-Curve-Generation-  SHREC'07, with points marked by hand (Kim et al. 2011)
     SSC-MorphVQ                           mandibles of mice, with landmarks (Thomas 2024)
     Mouse_Models                          skulls of mice, with landmarks (Zhang et al. 2022)
+    eos                                   the Surrey Face Model (Huber et al. 2016)
     tosca_remeshed                        23 of those TOSCA shapes and their pairs (CONTRIBUTING.md)
 
 A set is a function of the folder, a seed and a number of pairs; it lists what draws its cases.
@@ -18,6 +19,7 @@ A set is a function of the folder, a seed and a number of pairs; it lists what d
 from becos import species
 from cloud_sets import clouds
 from extra_sets import extras
+from face_sets import faces
 from match_cases import Set
 from own_sets import HARM, bodies, different
 from part_sets import HELD_OUT, KNOWN, parts
@@ -49,6 +51,8 @@ SETS: dict[str, Set] = {
     "parts-kinds": parts(KNOWN, two_kinds=True),
     "parts-held-out": parts(HELD_OUT, two_kinds=False),
     "parts-kinds-held-out": parts(HELD_OUT, two_kinds=True),
+    "faces": faces(in_parts=False),
+    "faces-parts": faces(in_parts=True),
     "poses": bodies("own", "poses"),
     **{f"poses-{n}": bodies("own", "poses", n) for n in (1000, 5000, 20000)},
     "proportions": bodies("own", "proportions"),

@@ -16,7 +16,7 @@ from testshapes.scanning import seen_from
 from unbend import Mesh
 
 OVERLAP = (0.2, 0.9)  # share of either part that is on the other one, of the smaller share
-_N_DRAWS = 30
+N_DRAWS = 30
 _COARSE = (2500, 4500)  # vertices of one shape in three
 _ARMADILLO = 5000  # vertices
 _MARKED = 100  # a pair of which fewer partners are known is marked at some points only
@@ -99,7 +99,7 @@ def part_case(data: Path, bodies: Bodies, two_kinds: bool, seed: int, number: in
     )  # fmt: skip
     pair = sources[number % len(sources)](chance, data, bodies)
     marked = np.count_nonzero(pair.truth >= 0) < _MARKED  # and all that is known are some points
-    for _ in range(_N_DRAWS):
+    for _ in range(N_DRAWS):
         names = [*chance.choice(list(CUTS), 2)]
         if spared := chance.integers(3):  # else both are cut
             names[spared - 1] = "whole"
@@ -108,7 +108,7 @@ def part_case(data: Path, bodies: Bodies, two_kinds: bool, seed: int, number: in
             for name, mesh in zip(names, (pair.source, pair.target), strict=True)
         ]
         case = of_pair(pair._replace(name=f"{names[0]} {names[1]}: {pair.name}"), *left)
-        if OVERLAP[0] <= _in_common(pair, *left) <= OVERLAP[1]:
+        if OVERLAP[0] <= in_common(pair, *left) <= OVERLAP[1]:
             break
     return case._replace(overlap=None) if marked else case
 
@@ -120,7 +120,7 @@ def _cut(chance: Chance, name: str, mesh: Mesh, may_coarsen: bool) -> Damaged:
     return left if name == "whole" else left.then(CUTS[name](chance, left.mesh))
 
 
-def _in_common(pair: Pair, source: Damaged, target: Damaged) -> float:
+def in_common(pair: Pair, source: Damaged, target: Damaged) -> float:
     """Share of the vertices with a partner, of the shape of which fewer have one."""
     shares = []
     for truth, one, other in (pair.truth, source, target), (pair.back, target, source):

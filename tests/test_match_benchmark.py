@@ -2,6 +2,7 @@
 
 import functools
 import json
+import struct
 import sys
 from collections import namedtuple
 from importlib import import_module
@@ -423,3 +424,37 @@ def test_rows_of_other_seeds_and_other_matchers_do_not_count(matched):
     assert matched(3, seed=1)[1] == [0, 1, 2]
     assert matched(3) == (whole, [])
     assert len(matched(2)[0]) == 2
+
+
+def test_faces_are_read_drawn_and_know_their_partners(script, tmp_path, monkeypatch):
+    sets, ball = script("face_sets"), make_sphere(3)
+    monkeypatch.setattr(sets, "_VERTICES", (600, 900))
+    bump = np.zeros((642, 3))
+    bump[0] = 2
+
+    def matrix(values) -> bytes:  # a column
+        return struct.pack("<ii", values.size, 1) + values.astype("<f4").tobytes()
+
+    (tmp_path / "sfm_shape_3448.bin").write_bytes(
+        struct.pack("<I", 1)
+        + matrix(ball.vertices)
+        + matrix(bump)
+        + matrix(np.array([4.0]))
+        + struct.pack("<Q", ball.n_faces)
+        + ball.faces.astype("<i4").tobytes()
+    )
+    smile = struct.pack("<Q", 5) + b"smile" + matrix(0 * bump)
+    (tmp_path / "expression_blendshapes_3448.bin").write_bytes(struct.pack("<Q", 6) + 6 * smile)
+    model = sets.read_model(tmp_path)
+    np.testing.assert_allclose(model.mean, ball.vertices, atol=1e-6)
+    np.testing.assert_array_equal(model.faces, ball.faces)
+    np.testing.assert_array_equal(model.components[..., 0], 2 * bump)
+    assert model.expressions.shape == (6, 642, 3)
+    case, again = (sets.face_case(tmp_path, False, 1, 2) for _ in range(2))
+    np.testing.assert_array_equal(case.target.vertices, again.target.vertices)
+    # But for the bump, both are the same ball: partners are as far apart as their partners are.
+    one, other = case.source.vertices[case.rows], case.whole.vertices[case.images]
+    apart = [np.linalg.norm(points[:, None] - points, axis=2) for points in (one, other)]
+    assert np.median(abs(apart[0] - apart[1])) < 0.1
+    parts = sets.face_case(tmp_path, True, 1, 2)
+    assert min(one.mean() for one in parts.overlap) < 0.95
