@@ -71,10 +71,15 @@ def test_tensors_of_open3d() -> None:
     np.testing.assert_array_equal(mesh.faces, FACES)
 
 
-def test_what_has_no_surface_says_so() -> None:
-    with pytest.raises(InputError, match="a mesh of tetra has no surface"):
-        as_mesh(meshio_like(QUAD, block("tetra", [[0, 1, 2, 3]])))
+def test_what_has_no_surface_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     volume = meshio_like(QUAD, block("tetra", [[0, 1, 2, 3]]))
+    with pytest.raises(InputError, match="a mesh of tetra has no surface"):
+        as_mesh(volume)
+    monkeypatch.setattr("unbend.io._foreign.find_spec", lambda name: name)
+    monkeypatch.setattr("unbend.io._foreign._by_meshio", lambda path: as_mesh(volume))
+    (tmp_path / "a.msh").write_text("a solid")
+    with pytest.raises(InputError, match=r"^a\.msh: a mesh of tetra has no surface"):
+        read_mesh(tmp_path / "a.msh")
     volume.extract_surface = print  # PyVista's grids have cells_dict, too
     with pytest.raises(InputError, match=r"give its extract_surface\(\)"):
         as_mesh(volume)
@@ -191,6 +196,9 @@ def test_what_meshio_says_is_the_reason(
         ("a.bdf", "BEGIN BULK\n", "truncated: it lacks the line BEGIN BULK, or"),  # read for ever
         ("a.bdf", "ENDDATA\nBEGIN BULK\n\n", "truncated: it lacks the line BEGIN BULK, or"),
         ("a.bdf", "BEGIN BULK\nCORD2C,1\nENDDATA\n", "has coordinate systems of its own"),
+        ("a.inp", "*System\n9.,0.,0.\n*NODE\n1,0.,0.,0.\n", "has coordinate systems of its own"),
+        ("a.inp", "*Node, nset=a, system=C\n1,0.,0.,0.\n", "has coordinate systems of its own"),
+        ("a.inp", "*NODE\n1,0.,0.,0.\n*Elgen\n1,5,1,1\n", r"generates nodes .* by \*ELGEN"),
         ("a.inp", "*NODE\n1,0.,0.,0.\n*node, nset=b\n1,9.,9.,9.\n", "has several parts"),
         (
             "a.inp",

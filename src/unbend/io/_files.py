@@ -18,7 +18,7 @@ from typing import Any, BinaryIO
 from unbend._memory import available_memory
 from unbend._text import gib
 from unbend._types import StrPath
-from unbend.errors import FileError, MeshError, file_errors
+from unbend.errors import FileError, InputError, file_errors
 
 
 def check_writable(path: StrPath, suffixes: Collection[str]) -> Path:
@@ -92,7 +92,7 @@ def prefixed(prefix: str) -> Iterator[None]:
     """Put a prefix, such as the file's name, in front of errors that readers raise without it."""
     try:
         yield
-    except (FileError, MeshError) as error:
+    except InputError as error:
         raise type(error)(f"{prefix}: {error}") from error.__cause__
 
 

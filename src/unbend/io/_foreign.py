@@ -133,11 +133,16 @@ def _refuse_misread(suffix: str, data: bytes) -> None:
     """Raise FileError for a file that meshio would read wrong, or for ever."""
     if suffix == ".bdf" and not re.search(rb"BEGIN BULK.*\nENDDATA", data, re.DOTALL):
         raise FileError("truncated: it lacks the line BEGIN BULK, or ENDDATA after it")
-    if suffix == ".bdf" and re.search(rb"^CORD[12]", data, re.MULTILINE):
+    systems = {".bdf": rb"CORD[12]", ".inp": rb"\*(?:SYSTEM\b|NODE\b.*SYSTEM *= *[CS])"}
+    text = data.upper()
+    if suffix in systems and re.search(rb"(?m)^" + systems[suffix], text):
         raise FileError("has coordinate systems of its own, which are not read; save it without")
     if suffix != ".inp":
         return
-    words = re.findall(rb"(?m)^\*(NODE|INSTANCE|INCLUDE)[ \t]*(?:,|\r?$)", data.upper())
+    if keyword := re.search(rb"(?m)^\*(?:NGEN|NFILL|NCOPY|ELGEN|ELCOPY)\b", text):
+        word = keyword[0].decode()
+        raise FileError(f"generates nodes or elements by {word}, which is not read; save them all")
+    words = re.findall(rb"(?m)^\*(NODE|INSTANCE|INCLUDE)[ \t]*(?:,|\r?$)", text)
     if b"INCLUDE" in words:
         raise FileError("includes other files, which are not read; save it as one")
     if len({*words}) < len(words):
