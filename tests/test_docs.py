@@ -30,6 +30,7 @@ DOCS = ROOT / "docs"
 PAGES = sorted([*DOCS.glob("*.md"), *DOCS.glob("reproduction/**/*.md")])
 WRITTEN = [*PAGES, *ROOT.glob("*.md"), *ROOT.glob("benchmarks/*.md")]
 BLOCK = re.compile(r"^```(python|sh)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+OTHERS = ("dask_kubernetes", "meshio", "nibabel", "pyvista")  # programs that may be missing
 # What the build makes, and what it is made from.
 MADE = {"gallery": ROOT / "examples", "commands": DOCS, "api": DOCS / "api"}
 
@@ -38,6 +39,13 @@ pytestmark = pytest.mark.skipif(not DOCS.exists(), reason="the site is not part 
 
 def blocks(page, language):
     return [code for kind, code in BLOCK.findall(page.read_text("utf-8")) if kind == language]
+
+
+def write_abaqus(path, nodes, kind, elements):
+    lines = ["*NODE", *(f"{i}, {str(row)[1:-1]}" for i, row in enumerate(nodes.tolist()))]
+    lines += [f"*ELEMENT, TYPE={kind}"]
+    lines += [f"{i}, {str(row)[1:-1]}" for i, row in enumerate(elements.tolist())]
+    path.write_text("\n".join(lines))
 
 
 @pytest.fixture
@@ -54,8 +62,12 @@ def folder(tmp_path, monkeypatch):
         ends = body.vertices.argmax(axis=0)[:2]
         write_markups(tmp_path / f"{name}.mrk.json", body, ends, ["left hand", "head"])
     write_mesh(tmp_path / "scan.glb", body, uvs=body.vertices[:, :2])
-    for name in ("bracket", "visit1", "visit2"):
+    for name in ("bracket", "patient", "visit1", "visit2"):
         write_mesh(tmp_path / f"{name}.stl", body)
+    inside = np.vstack([egg.vertices, egg.vertices.mean(axis=0)])
+    solid = np.insert(egg.faces[:, ::-1], 3, egg.n_vertices, axis=1)
+    write_abaqus(tmp_path / "shells.inp", egg.vertices, "S3", egg.faces)
+    write_abaqus(tmp_path / "solid.inp", inside, "C3D4", solid)
     np.save(tmp_path / "thickness.npy", np.ones(egg.n_vertices))
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -75,7 +87,7 @@ def test_python_on_a_page_runs_from_top_to_bottom(page, folder, here):
     known = {}
     for code in blocks(page, "python"):
         compiled = compile(code, page.name, "exec")
-        if any(one in code and not find_spec(one) for one in ("dask_kubernetes", "nibabel")):
+        if any(one in code and not find_spec(one) for one in OTHERS):
             continue  # it is checked to be Python, and no more
         with contextlib.redirect_stdout(io.StringIO()):
             exec(compiled, known)
