@@ -30,11 +30,13 @@ def a_file(binary: bool = False, new: bool = False) -> bytes:
     else:
         rows = [[3, *row] for row in triangles]
         polygons = b"POLYGONS 5 21\n" + numbers([4, 0, 3, 2, 1], rows)
+    names = b"\xc3hip\x80\x64" + bytes(100) if binary else b"hip\n\n"
     return b"".join(
         [
             b"# vtk DataFile Version %s\na title\n" % (b"5.1" if new else b"4.2"),
             b"BINARY\n" if binary else b"ASCII\n",
-            b"DATASET POLYDATA\nFIELD FieldData 1\nscan 1 2 int\n" + numbers([7, 8]),
+            b"DATASET POLYDATA\nFIELD FieldData 2\nscan 1 2 int\n" + numbers([7, 8]),
+            b"names 1 2 string\n" + names + b"\n",
             b"POINTS 5 float\n" + numbers(POINTS, dtype=">f4"),
             b"METADATA\nINFORMATION 1\nNAME POINTS LOCATION vtkDataArray\nDATA 1 2\n\n",
             polygons,

@@ -55,6 +55,9 @@ class _Reader:
         """Read rows of numbers."""
         size = count(n_rows, "rows"), count(width, "columns")
         n, left = size[0] * size[1], len(self.data) - self.at
+        if kind == "string":
+            self.skip_strings(n)
+            return np.empty((0, 1))
         if kind.lower() not in _TYPES:
             raise misfit(name, kind, ", not a type of numbers that unbend reads")
         if not n:
@@ -74,6 +77,18 @@ class _Reader:
         wide = np.float64 if dtype.kind == "f" else np.int64
         rows = [text[i : i + _AT_ONCE] for i in range(0, n, _AT_ONCE)]
         return numbers_in(rows, wide, "number", f"{name}, block").reshape(size)
+
+    def skip_strings(self, n: int) -> None:
+        """Pass over text, each in a line, or after its length in 1, 2, 4 or 8 bytes."""
+        for _ in range(n):
+            if self.at >= len(self.data):
+                raise FileError(f"truncated: it promises {n} strings, but ends before")
+            if self.binary:
+                n_bytes = 8 >> (self.data[self.at] >> 6)
+                length = int.from_bytes(self.data[self.at : self.at + n_bytes])
+                self.at += n_bytes + length % (1 << 8 * n_bytes - 2)
+            else:
+                self.at = self.data.find(b"\n", self.at) + 1 or len(self.data)
 
     def cells(self, name: str, n_cells: str, size: str) -> tuple[IntArray, IntArray]:
         """Read the sizes of cells, and the corners of all."""
