@@ -254,6 +254,7 @@ def test_weights_that_do_not_sum_to_one_are_refused(blob: Mesh) -> None:
     [
         ([[255, 0, 7]], "color"),
         ([[255, 0, 7, 255]], "color"),
+        ([[0, 0, 1]], "scalar"),  # a direction
         ([[256, 0, 7]], "scalar"),
         ([[1, 2]], "scalar"),
         ([[1]], "label"),

@@ -45,12 +45,13 @@ def transfer(
         From source to target; or the target vertex of each source vertex, -1 where there is none,
         which is inverted by :func:`unbend.io.invert_map` along the edges of `target`.
     kind : str, default="auto"
-        ``"scalar"``: averaged; numbers or vectors. ``"label"``: never averaged. ``"weights"``:
-        averaged; skinning weights, non-negative, each row scaled to sum to one. ``"color"``:
-        averaged and rounded to whole numbers from 0 to 255. ``"uv"``: averaged; texture
-        coordinates, two columns. ``"auto"``: scalar for fractions and columns of floats;
-        color for whole numbers from 0 to 255 in three or four columns; scalar for other columns of
-        whole numbers; label for everything else, also whole numbers that are stored as floats.
+        ``"scalar"``: averaged; numbers, or vectors, which are not turned. ``"label"``: never
+        averaged. ``"weights"``: averaged; skinning weights, non-negative, each row scaled to sum to
+        one. ``"color"``: averaged and rounded to whole numbers from 0 to 255. ``"uv"``: averaged;
+        texture coordinates, two columns. ``"auto"``: scalar for fractions and columns of floats;
+        color for whole numbers from 0 to 255, not all 0 or 1, in three or four columns; scalar for
+        other columns of whole numbers; label for everything else, also whole numbers that are
+        stored as floats.
     source, target : mesh-like, optional
         Anything :func:`unbend.as_mesh` accepts. Averaging within faces needs both; a map given as
         an array needs `target`.
@@ -286,7 +287,7 @@ def value_kind(array: npt.NDArray[Any], kind: str = "auto", names: Sequence[str]
         whole = len(known) > 0 and (np.isfinite(known) & (known == np.rint(known))).all()
         return "label" if whole and array[:1].size == 1 else "scalar"
     if array.dtype.kind in "iu" and array.ndim == 2 and array.shape[1] > 1:
-        is_color = array.shape[1] in (3, 4) and array.min() >= 0 and array.max() <= 255
+        is_color = array.shape[1] in (3, 4) and array.min() >= 0 and 1 < array.max() <= 255
         return "color" if is_color else "scalar"
     return "label"
 
