@@ -89,7 +89,7 @@ def test_polygons_of_a_grid_are_read(tmp_path: Path, binary: bool, new: bool) ->
     assert mesh.faces.tolist() == [[0, 1, 4], [2, 3, 4], [3, 0, 4]]
     assert mesh.notes == ("1 cell left out that is no polygon",)
     for types, problem in (
-        ([10] * 5, "5 cells, but no polygons: save its surface"),
+        ([10] * 5, "5 cells, but no polygons: save its surface as triangles"),
         ([5] * 4 + [6], "triangle strips"),
         ([5] * 4, "has 5 cells, but 4 types"),
     ):

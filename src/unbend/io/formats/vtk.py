@@ -169,7 +169,9 @@ def contents_of(
         ours = np.isin(types, _POLYGONS)
         n_others = int((~ours & ~np.isin(types, _POINTS_AND_LINES)).sum())
         if n_others and not ours.any():
-            raise FileError(f"holds {plural(n_others, 'cell')}, but no polygons: save its surface")
+            raise FileError(
+                f"holds {plural(n_others, 'cell')}, but no polygons: save its surface as triangles"
+            )
         if n_others:
             are = "is no polygon" if n_others == 1 else "are no polygons"
             left.append(f"{plural(n_others, 'cell')} left out that {are}")
