@@ -81,6 +81,8 @@ def what_to_keep(out: str, original: str, *, whole: bool = True, moved: bool = T
         return original
     if held:
         say("note", f"{out} does not keep {', '.join(held)} of {original}")
+    if out.lower().endswith(".stl") and not original.lower().endswith(".stl"):
+        say("note", f"{out} holds bare triangles: it does not number vertices like {original}")
     return None
 
 
