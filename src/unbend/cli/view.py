@@ -50,13 +50,15 @@ def view(
         raise InputError("--property is for --values; leave it out, or add the file")
     shapes = read_shapes([path for path in (mesh, other) if path is not None])
     hints = _landmarks(landmarks, shapes) if landmarks else None
-    shown = None
+    shown: Any = None
+    names: list[str] = []
     if values is not None:
         n = shapes[0].n_vertices
-        shown = unbend.io.read_values(values, n_vertices=n, name=property_name)
+        shown, names = unbend.io.read_named_values(values, n_vertices=n, name=property_name)
     progress("drawing", 0)
     second = shapes[1] if len(shapes) > 1 else None
-    made = unbend.report.view(shapes[0], second, hints, values=shown, up=up)
+    label = names[0] if len(names) == 1 else "value"
+    made = unbend.report.view(shapes[0], second, hints, values=shown, label=label, up=up)
     if page is None or show:
         page = str(made.open(page))
     else:

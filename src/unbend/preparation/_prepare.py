@@ -75,7 +75,7 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
     if chosen is None and connected and n_components > 1:
         raise MeshError(
             f"{mesh.name}: the mesh has {n_components} separate components "
-            f"(with {_sizes(components)} vertices); keep one with --component largest "
+            f"(with {_sizes(components)}); keep one with --component largest "
             '(in Python: component="largest")'
         )
     notes = [seams] if seams else []
@@ -254,10 +254,9 @@ def _chosen(component: str | int | None, n_components: int, name: str) -> int | 
 
 
 def _sizes(components: Components) -> str:
-    sizes = [str(size) for size in components.n_vertices[:5]]
-    if len(components.n_vertices) > 5:
-        sizes.append(f"({len(components.n_vertices) - 5} more) fewer")
-    return f"{', '.join(sizes[:-1])} and {sizes[-1]}"
+    *sizes, last = map(str, components.n_vertices[:5])
+    more = len(components.n_vertices) - 5
+    return f"{', '.join(sizes)} and {last} vertices{f', and {more} more' if more > 0 else ''}"
 
 
 def restrict(mesh: Mesh, keep: BoolArray) -> tuple[Mesh, IntArray, IntArray]:

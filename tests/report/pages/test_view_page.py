@@ -129,7 +129,7 @@ def test_the_command_writes_and_opens_a_page(
     write_mesh("two.ply", blob, scalars={"heat": np.arange(642.0), "cold": np.arange(3.0, 645)})
     line = ["view", "a.ply", "--values", "two.ply", "-o", "page.html", "--no-open"]
     assert invoke([*line, "--property", "cold"]).exit_code == 0
-    assert "value: 3 to 644" in Path("page.html").read_text("utf-8")
+    assert "cold: 3 to 644" in Path("page.html").read_text("utf-8")
     assert "name one of them with --property" in invoke(line).output
     assert invoke(["view", "a.ply", "--property", "cold"]).exit_code == 2
     assert invoke(["view", "a.ply", "-o", "one.html"]).exit_code == 0
