@@ -27,6 +27,7 @@ from unbend.io.formats.npy import read_array, write_array
 VALUE_SUFFIXES = (".npy", ".csv", ".txt")
 _OPAQUE = "the transparency of colours is not kept"
 _EMPTY_LINE = re.compile(rb"\n\s*\n\s*\S")
+_OF_CELLS = re.compile(rb"\nCELL_DATA|<CellData(?:[^>]*[^/])?>\s*<DataArray")  # of VTK
 _NORMAL = ("nx", "ny", "nz")
 # Columns of mesh files that are one value: colours, and texture coordinates by three programs.
 _TOGETHER = (
@@ -140,7 +141,9 @@ def _of_mesh(
     hint = ""
     if "texture coordinates" in file_extras(path):
         hint = "; registering carries its texture"
-    elif b'"WEIGHTS_0"' in path.read_bytes():  # of glTF
+    elif _OF_CELLS.search(data := path.read_bytes()):
+        hint = "; values of cells are not read: ParaView's Cell Data to Point Data converts them"
+    elif b'"WEIGHTS_0"' in data:  # of glTF
         hint = "; its skinning weights are not read: in Blender, unbend's extension carries them"
     if not found:
         raise FileError(f"holds no values per vertex{hint}")

@@ -58,6 +58,8 @@ def test_a_surface_is_read_with_its_values(tmp_path: Path, binary: bool, new: bo
     path = tmp_path / "a.vtk"
     path.write_bytes(a_file(binary, new))
     mesh = read_mesh(path)
+    with pytest.raises(FileError, match=r"no area, but .*; values of cells are not read: ParaV"):
+        read_values(path, name="area")
     np.testing.assert_array_equal(mesh.vertices, POINTS)
     square = [[0, 3, 2], [0, 2, 1]]
     np.testing.assert_array_equal(mesh.faces, [*square, [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])

@@ -150,6 +150,11 @@ def test_it_is_read_however_it_is_written(tmp_path: Path, made) -> None:
     np.testing.assert_array_equal(
         read_values(path, name="rgb"), np.repeat([0, 10], 12).reshape(-1, 3)
     )
+    for cells in (b"<CellData/>", b'<CellData Scalars="m"><DataArray/></CellData>'):
+        path.write_bytes(path.read_bytes().replace(b"<CellData/>", cells))
+        with pytest.raises(FileError, match="holds no m, but ") as refused:
+            read_values(path, name="m")
+        assert ("values of cells are not read" in str(refused.value)) == (b"Array" in cells)
 
 
 @pytest.mark.parametrize("how", ["ascii", "binary", "base64", "raw"])
