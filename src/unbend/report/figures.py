@@ -271,7 +271,7 @@ def upright(up: str) -> FloatArray:
 def check_values(values: npt.ArrayLike, mesh: Mesh) -> FloatArray:
     """Numbers (n,), NaN where there is no face or none that is finite; InputError if none is."""
     array = numbers_of(values, "values")
-    check_one_each(array, mesh, "number")
+    check_one_each(array, mesh)
     drawn = np.full(mesh.n_vertices, np.nan)
     drawn[mesh.faces] = array[mesh.faces]
     drawn[np.isinf(drawn)] = np.nan
@@ -280,11 +280,11 @@ def check_values(values: npt.ArrayLike, mesh: Mesh) -> FloatArray:
     return drawn
 
 
-def check_one_each(values: npt.NDArray[Any], mesh: Mesh, what: str) -> None:
+def check_one_each(values: npt.NDArray[Any], mesh: Mesh) -> None:
     """Raise InputError if there is not one value for each vertex."""
     if values.shape != (mesh.n_vertices,):
         raise InputError(
-            f"{mesh.name} needs one {what} for each of {plural(mesh.n_vertices, 'vertex')}, but "
+            f"{mesh.name} needs one value for each of {plural(mesh.n_vertices, 'vertex')}, but "
             f"values have shape {values.shape}"
         )
 

@@ -40,10 +40,10 @@ def test_what_does_not_fit_is_refused(blob: Mesh, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="up must be"):
         view(blob, up="w")
     for values, told in (
-        (np.zeros(5), "one number for each of 642 vertices"),
-        (np.zeros((642, 2)), "one number for each of 642 vertices"),
+        (np.zeros(5), "one value for each of 642 vertices"),
+        (np.zeros((642, 2)), "one value for each of 642 vertices"),
         (np.full(642, np.nan), "none of the values"),
-        (["leg"] * 5, "one label for each of 642 vertices"),
+        (["leg"] * 5, "one value for each of 642 vertices"),
     ):
         with pytest.raises(InputError, match=told):
             view(blob, values=values)

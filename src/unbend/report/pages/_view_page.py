@@ -114,7 +114,7 @@ def _checked(values: npt.ArrayLike, mesh: Mesh) -> npt.NDArray[Any]:
     array = array_of(values, "values")
     if array.dtype.kind not in "biuU":
         return check_values(array, mesh)
-    check_one_each(array, mesh, "label")
+    check_one_each(array, mesh)
     return array
 
 
