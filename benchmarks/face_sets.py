@@ -7,11 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 from match_cases import Case, Chance, Draw, Pair, Set, coarser, of_pair
-from part_sets import CUTS, N_DRAWS, OVERLAP, in_common
+from part_sets import cut_case
 from scipy.spatial.transform import Rotation
 from shapes import subdivide
 
-from testshapes.damage import Damaged, unchanged
 from unbend import Mesh
 from unbend._types import FloatArray, IntArray
 
@@ -72,14 +71,7 @@ def face_case(folder: Path, in_parts: bool, seed: int, number: int) -> Case:
     meshed = [coarser(face, int(chance.integers(*_VERTICES))) for face in (one, other)]
     if not in_parts:
         return of_pair(pair, *meshed)
-    for _ in range(N_DRAWS):
-        names = [*chance.choice(list(CUTS), 2)]
-        if spared := chance.integers(3):  # else both are cut
-            names[spared - 1] = "whole"
-        left = [_cut(chance, name, face) for name, face in zip(names, meshed, strict=True)]
-        if OVERLAP[0] <= in_common(pair, *left) <= OVERLAP[1]:
-            break
-    return of_pair(pair._replace(name=f"{names[0]} {names[1]}: {pair.name}"), *left)
+    return cut_case(chance, pair, [lambda face=face: face for face in meshed])
 
 
 def _face(chance: Chance, model: Model) -> Mesh:
@@ -89,7 +81,3 @@ def _face(chance: Chance, model: Model) -> Mesh:
     points = points + np.tensordot(weights, model.expressions, 1)
     turn = Rotation.random(random_state=chance).as_matrix()
     return subdivide(Mesh(points @ turn.T, model.faces), "face")
-
-
-def _cut(chance: Chance, name: str, face: Damaged) -> Damaged:
-    return face.then(unchanged(face.mesh) if name == "whole" else CUTS[name](chance, face.mesh))

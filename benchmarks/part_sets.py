@@ -1,7 +1,7 @@
 """Sets of parts of bodies: of one kind of body, and of two kinds, cut in ways drawn by a seed."""
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ from testshapes.scanning import seen_from
 from unbend import Mesh
 
 OVERLAP = (0.2, 0.9)  # share of either part that is on the other one, of the smaller share
-N_DRAWS = 30
+_N_DRAWS = 30
 _COARSE = (2500, 4500)  # vertices of one shape in three
 _ARMADILLO = 5000  # vertices
 _MARKED = 100  # a pair of which fewer partners are known is marked at some points only
@@ -99,28 +99,37 @@ def part_case(data: Path, bodies: Bodies, two_kinds: bool, seed: int, number: in
     )  # fmt: skip
     pair = sources[number % len(sources)](chance, data, bodies)
     marked = np.count_nonzero(pair.truth >= 0) < _MARKED  # and all that is known are some points
-    for _ in range(N_DRAWS):
-        names = [*chance.choice(list(CUTS), 2)]
-        if spared := chance.integers(3):  # else both are cut
-            names[spared - 1] = "whole"
-        left = [
-            _cut(chance, name, mesh, not marked)
-            for name, mesh in zip(names, (pair.source, pair.target), strict=True)
-        ]
-        case = of_pair(pair._replace(name=f"{names[0]} {names[1]}: {pair.name}"), *left)
-        if OVERLAP[0] <= in_common(pair, *left) <= OVERLAP[1]:
-            break
+    meshed = [
+        functools.partial(_meshed, chance, one, not marked) for one in (pair.source, pair.target)
+    ]
+    case = cut_case(chance, pair, meshed)
     return case._replace(overlap=None) if marked else case
 
 
-def _cut(chance: Chance, name: str, mesh: Mesh, may_coarsen: bool) -> Damaged:
-    left = unchanged(mesh)
+def cut_case(chance: Chance, pair: Pair, meshed: Sequence[Callable[[], Damaged]]) -> Case:
+    """Mesh two shapes and cut one or both, until they have as much in common as they should."""
+    for _ in range(_N_DRAWS):
+        names = [*chance.choice(list(CUTS), 2)]
+        if spared := chance.integers(3):  # else both are cut
+            names[spared - 1] = "whole"
+        left = [_cut(chance, name, draw()) for name, draw in zip(names, meshed, strict=True)]
+        case = of_pair(pair._replace(name=f"{names[0]} {names[1]}: {pair.name}"), *left)
+        if OVERLAP[0] <= _in_common(pair, *left) <= OVERLAP[1]:
+            break
+    return case
+
+
+def _meshed(chance: Chance, mesh: Mesh, may_coarsen: bool) -> Damaged:
     if may_coarsen and chance.integers(3) == 0:
-        left = coarser(mesh, int(chance.integers(*_COARSE)))
+        return coarser(mesh, int(chance.integers(*_COARSE)))
+    return unchanged(mesh)
+
+
+def _cut(chance: Chance, name: str, left: Damaged) -> Damaged:
     return left if name == "whole" else left.then(CUTS[name](chance, left.mesh))
 
 
-def in_common(pair: Pair, source: Damaged, target: Damaged) -> float:
+def _in_common(pair: Pair, source: Damaged, target: Damaged) -> float:
     """Share of the vertices with a partner, of the shape of which fewer have one."""
     shares = []
     for truth, one, other in (pair.truth, source, target), (pair.back, target, source):

@@ -235,9 +235,9 @@ def test_distances_are_those_of_the_descriptors(filled: Collection) -> None:
 
 def test_a_table_too_large_is_refused(filled: Collection, monkeypatch: pytest.MonkeyPatch) -> None:
     tables = 3 * 8 * 8**2  # so many bytes have three numbers for each pair
-    monkeypatch.setattr(_collection, "available_memory", lambda: tables)
+    monkeypatch.setattr(_ranking, "available_memory", lambda: tables)
     assert filled.distances()[1].shape == (8, 8)
-    monkeypatch.setattr(_collection, "available_memory", lambda: tables - 1)
+    monkeypatch.setattr(_ranking, "available_memory", lambda: tables - 1)
     with pytest.raises(InputError, match="all pairs of 8 shapes need"):
         filled.distances()
 

@@ -111,9 +111,9 @@ def transfer(
                 f"{a.name}, and take the value of the nearest one that is; with a .npz map, those "
                 "beyond the overlap take none",
             )
-    if expected_error is not None and not is_markup:
-        errors = unbend.transfer(errors, found, kind="scalar", source=a, target=b)
-        io.write_values(expected_error, errors, b)
+        if expected_error is not None:
+            errors = unbend.transfer(errors, found, kind="scalar", source=a, target=b)
+            io.write_values(expected_error, errors, b)
     lost = int((back < 0).sum())
     if lost:
         output.say("note", f"{lost:,} vertices of {b.name} correspond to none of the source")

@@ -6,12 +6,10 @@ import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
-import numpy as np
 import numpy.typing as npt
 
 from unbend._arrays import check_whole
-from unbend._memory import available_memory
-from unbend._text import gib, plural
+from unbend._text import plural
 from unbend._types import FloatArray, Progress, StrPath
 from unbend.choices import Partial
 from unbend.collection._adding import add_files
@@ -19,7 +17,7 @@ from unbend.collection._descriptor import descriptor
 from unbend.collection._engine import engine
 from unbend.collection._files import is_gone
 from unbend.collection._pairs import match_pairs
-from unbend.collection._ranking import rank_by_match
+from unbend.collection._ranking import compare_all, rank_by_match
 from unbend.collection._registering import register_collection
 from unbend.collection._rows import Added, Entry, Hit, Info, Matched, Registered
 from unbend.collection._store import Store, among, check_outside
@@ -208,21 +206,9 @@ class Collection:
         InputError
             If the collection is empty or of another version, or the table does not fit into memory.
         """
-        from scipy.spatial.distance import cdist
-
         self._store.check_version()
         self._store.check_filled()
-        n = self._store.n_shapes()
-        free, needed = available_memory(), 3 * 8 * n**2
-        if free is not None and needed > free:
-            raise InputError(
-                f"all pairs of {n:,} shapes need {gib(needed)} of memory and {gib(free)} are "
-                "free; search the collection instead, or export it"
-            )
-        rows = {row["id"]: row["descriptor"] for row in self._store.select(["id", "descriptor"])}
-        entries = sorted((one for one in self if one.id in rows), key=lambda one: one.path)
-        descriptors = np.array([rows[one.id] for one in entries])
-        return entries, cdist(descriptors, descriptors)
+        return compare_all(self._store)
 
     def find(self, names: StrPath | Iterable[StrPath]) -> list[Entry]:
         """Entries of ids, beginnings of ids (8 digits or more), or paths, in their order.
@@ -385,8 +371,8 @@ class Collection:
         Parameters
         ----------
         path : path
-            ``.parquet``: every column, descriptors, forms and thumbnails too. ``.csv``: all but
-            forms and thumbnails, a column for each number of the descriptor.
+            ``.parquet``: every column, descriptors and thumbnails too. ``.csv``: all but
+            thumbnails, a column for each number of the descriptor.
 
         Returns
         -------

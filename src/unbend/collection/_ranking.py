@@ -1,4 +1,4 @@
-"""Reranking of the best hits by the energies of matches."""
+"""Comparison of shapes: all pairs by descriptor, and the best hits again by their matches."""
 
 from __future__ import annotations
 
@@ -6,13 +6,35 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from unbend._types import Progress
+import numpy as np
+
+from unbend._memory import available_memory
+from unbend._text import gib
+from unbend._types import FloatArray, Progress
 from unbend.collection._files import find_file
-from unbend.collection._rows import Hit
-from unbend.errors import FileError, UnbendError, heard, warn
+from unbend.collection._rows import Entry, Hit
+from unbend.collection._store import Store
+from unbend.errors import FileError, InputError, UnbendError, heard, warn
 from unbend.io import read_mesh
 from unbend.matching import match
 from unbend.mesh import Mesh
+
+
+def compare_all(store: Store) -> tuple[list[Entry], FloatArray]:
+    """Distances (n, n) of the descriptors of all shapes, sorted by path."""
+    from scipy.spatial.distance import cdist
+
+    n = store.n_shapes()
+    free, needed = available_memory(), 3 * 8 * n**2
+    if free is not None and needed > free:
+        raise InputError(
+            f"all pairs of {n:,} shapes need {gib(needed)} of memory and {gib(free)} are "
+            "free; search the collection instead, or export it"
+        )
+    rows = {row["id"]: row["descriptor"] for row in store.select(["id", "descriptor"])}
+    entries = sorted((one for one in store.entries() if one.id in rows), key=lambda one: one.path)
+    descriptors = np.array([rows[one.id] for one in entries])
+    return entries, cdist(descriptors, descriptors)
 
 
 def rank_by_match(

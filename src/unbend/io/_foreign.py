@@ -134,11 +134,11 @@ def _refuse_misread(suffix: str, data: bytes) -> None:
     if suffix == ".bdf" and not re.search(rb"BEGIN BULK.*\nENDDATA", data, re.DOTALL):
         raise FileError("truncated: it lacks the line BEGIN BULK, or ENDDATA after it")
     systems = {".bdf": rb"CORD[12]", ".inp": rb"\*(?:SYSTEM\b|NODE\b.*SYSTEM *= *[CS])"}
-    text = data.upper()
-    if suffix in systems and re.search(rb"(?m)^" + systems[suffix], text):
+    if suffix in systems and re.search(rb"(?im)^" + systems[suffix], data):
         raise FileError("has coordinate systems of its own, which are not read; save it without")
     if suffix != ".inp":
         return
+    text = data.upper()
     if keyword := re.search(rb"(?m)^\*(?:NGEN|NFILL|NCOPY|ELGEN|ELCOPY)\b", text):
         word = keyword[0].decode()
         raise FileError(f"generates nodes or elements by {word}, which is not read; save them all")
