@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
+from animals import dog
 from testshapes.scanning import add_components
 from unbend import Match, Mesh
 from unbend.correspondence import morph
@@ -53,6 +55,18 @@ def test_limbs_swing_instead_of_shrinking() -> None:
     assert ours.mean() < 0.05
     assert ours.mean() < line.mean() / 4
     assert ours.max() < line.max()
+
+
+@pytest.mark.parametrize("t", [0.5, 1, 1.5])
+def test_joints_stay_in_the_middle_of_what_bends_around_them(t: float) -> None:
+    source, target = (dog(pose, n_vertices=1000) for pose in ("standing", "galloping"))
+    around = cKDTree(source.mesh.vertices).query([bone.head for bone in source.bones], 40)[1]
+    joints = source.mesh.vertices[around].mean(axis=1)
+    rigged = Mesh(np.vstack([source.mesh.vertices, joints]), source.mesh.faces)
+    images = np.append(np.arange(1000), np.full(len(joints), -1))
+    found = morph(rigged, target.mesh, images, t).vertices
+    off = np.linalg.norm(found[1000:] - found[around].mean(axis=1), axis=1)
+    assert off.max() < _edges(source.mesh, source.mesh.vertices).mean()
 
 
 def test_vertices_without_an_image_go_along(blob: Mesh) -> None:

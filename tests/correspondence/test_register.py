@@ -247,6 +247,17 @@ def test_vertices_that_no_face_uses_go_along() -> None:
     assert not found.covered[N:].any()
 
 
+def test_joints_stay_in_the_middle_of_what_bends_around_them() -> None:
+    template, posed = _template(), _posed()
+    joints = [bone.head for bone in template.bones]
+    around = cKDTree(template.mesh.vertices).query(joints, 40)[1]
+    joints = template.mesh.vertices[around].mean(axis=1)
+    rigged = Mesh(np.vstack([template.mesh.vertices, joints]), template.mesh.faces)
+    found = register(rigged, posed.mesh, np.append(EVERY, np.full(len(joints), -1)))
+    off = np.linalg.norm(found.mesh.vertices[N:] - posed.mesh.vertices[around].mean(axis=1), axis=1)
+    assert off.max() < mean_edge(posed.mesh)
+
+
 @pytest.mark.parametrize("matched", [False, True])
 def test_parts_without_a_partner_stay_where_they_belong(matched: bool) -> None:
     whole = add_components(_template().mesh, eyeballs=2, cloth=0, random_state=0)

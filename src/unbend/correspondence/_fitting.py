@@ -10,7 +10,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
+from unbend._parallel import slices
 from unbend._types import BoolArray, FloatArray, IntArray, Progress, SparseMatrix
 from unbend.alignment import procrustes
 from unbend.correspondence._projection import (
@@ -36,6 +38,9 @@ _HOLD = 1.0  # pull of every vertex to where it is, in 1 / area: no system is si
 _NORMAL_WEIGHT = 2.0  # lengths of balance that a difference of normals of one counts as
 _PRIOR = 0.01  # weight of the mean size in that of a patch; patches without a partner take it
 _OUTLIER = 4.0  # median distances, and an edge on top, beyond which a pair is ignored
+_NEARNESS = 4  # power of the distance with which what is farther off moves a point less
+_FAR = 1e6  # extents, from which on everything is as far off; less than its inverse is on a vertex
+_AT_ONCE = 2**22  # distances
 _SLACK = 0.1  # edges beyond a boundary that still count as on the surface
 
 
@@ -126,6 +131,11 @@ class Fit:
         covered = [one.valid & (one.distances <= tolerance) for one in (closest, followed)]
         return closest.distances, covered[0] | covered[1]
 
+    def carried(self, points: FloatArray) -> FloatArray:
+        """Move points (m, 3) as the surface around them was moved."""
+        turns = self.sizes[:, None, None] * self.rotations
+        return carried(points, self.surface.vertices, self.places, turns, self.surface.areas)
+
     def _flipped(self, found: Projection) -> BoolArray:
         """Vertices of flipped faces: if nothing pulls them, their stiffness flips them back."""
         faces = self.surface.faces
@@ -187,6 +197,29 @@ class Fit:
 
     def _normals(self, places: FloatArray) -> FloatArray:
         return vertex_normals(places, self.surface.faces)
+
+
+def carried(
+    points: FloatArray, rest: FloatArray, places: FloatArray, turns: FloatArray, areas: FloatArray
+) -> FloatArray:
+    """Move points (m, 3) as a surface was moved from rest to places, its nearest parts the most.
+
+    It moved by the turns (n, 3, 3), which may stretch, around its vertices, of which each counts as
+    much as its area.
+    """
+    motions = np.hstack([turns.reshape(-1, 9), places - np.einsum("nij,nj->ni", turns, rest)])
+    low, high = rest.min(axis=0), rest.max(axis=0)
+    extent = float((high - low).max())
+    moved = np.empty_like(points)
+    for part in slices(len(points), max(1, _AT_ONCE // len(rest))):
+        some = points[part]
+        near = cdist(np.clip(some, low - _FAR * extent, high + _FAR * extent), rest)
+        near = np.maximum(near, extent / _FAR)
+        weights = areas * (near.min(axis=1, keepdims=True) / near) ** _NEARNESS
+        motion = weights / weights.sum(axis=1, keepdims=True) @ motions
+        moved[part] = np.einsum("nij,nj->ni", motion[:, :9].reshape(-1, 3, 3), some)
+        moved[part] += motion[:, 9:]
+    return moved
 
 
 def in_unmatched_components(faces: IntArray, matched: BoolArray) -> BoolArray:

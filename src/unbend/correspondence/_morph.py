@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from unbend._arrays import is_number, sum_rows
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.alignment import nearest_rotation, procrustes
-from unbend.correspondence._fitting import in_unmatched_components, joined
+from unbend.correspondence._fitting import carried, in_unmatched_components, joined
 from unbend.correspondence._transfer import positions_on_target
 from unbend.deformation import ElasticSurface
 from unbend.errors import InputError, warn
@@ -52,8 +52,8 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
     -------
     Mesh
         With the source's vertices, in their order, and its faces. Parts without an image keep
-        their shape and follow their neighbours. Vertices that no face uses, and components without
-        any image, follow the rigid motion, scaled like the rest.
+        their shape and follow their neighbours. Components without any image follow the rigid
+        motion, scaled like the rest; vertices that no face uses, the surface around them.
 
     Raises
     ------
@@ -108,6 +108,7 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
         loose = in_unmatched_components(faces, moving) & (surface.areas > 0)
         surface = joined(surface, loose)
         goal = _extended(surface, goal, moving, rotation, size)
+        _carry_unused(surface, start, goal, size, ~moving)
     if t == 1:
         return Mesh(goal[number], source.faces, name=name)
     warn_of_units((_extent(source), _extent(target)), (source.name, target.name))
@@ -116,6 +117,7 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
     between = start + t * (goal - start)
     if surface is not None:
         between = _bend(surface, goal, between, t)
+        _carry_unused(surface, start, between, 1 + t * (size - 1), ~moving)
     share = Rotation.from_rotvec(t * Rotation.from_matrix(rotation).as_rotvec()).as_matrix()
     travel = center @ rotation.T + translation - center
     between = (between - center) @ share.T + center + t * travel
@@ -169,6 +171,19 @@ def _extended(
     ties = np.where(moving, _IMAGE_WEIGHT, _TIE) / 2
     moved = surface.fit_places(surface.system_of(ties), ties[:, None] * after, turns, size)
     return np.where((used & ~moving)[:, None], moved, goal)
+
+
+def _carry_unused(
+    surface: ElasticSurface, start: FloatArray, places: FloatArray, size: float, some: BoolArray
+) -> None:
+    """Move those of some vertices (n,) that no face uses with the surface around them, in place."""
+    used = surface.areas > 0
+    some = some & ~used
+    if some.any():
+        vectors = _rotation_vectors(surface, np.where(used[:, None], places, 0))[used]
+        turns = size * Rotation.from_rotvec(vectors).as_matrix()
+        moved = carried(start[some], start[used], places[used], turns, surface.areas[used])
+        places[some] = moved
 
 
 def _bend(surface: ElasticSurface, goal: FloatArray, straight: FloatArray, t: float) -> FloatArray:

@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from unbend._display import confidence_told
 from unbend._types import BoolArray, FloatArray, IntArray, Progress, StrPath
-from unbend.alignment import procrustes
 from unbend.correspondence._fitting import Fit
 from unbend.correspondence._projection import make_target
 from unbend.correspondence._transfer import as_point_map, positions_on_target
@@ -78,7 +77,8 @@ def register(
 
     Whatever is known of the template's vertices, such as a skeleton or landmarks, is then known of
     the scan. Where the scan has no surface, such as in holes or on the side that no camera saw,
-    the template continues smoothly in its own shape.
+    the template continues smoothly in its own shape. Vertices that no face uses, such as joints of
+    a skeleton or nodes inside a solid, move with the surface around them.
 
     Parameters
     ----------
@@ -168,12 +168,11 @@ def register(
     target = make_target(seen, _oriented(scan))
     fit = Fit(surface, target, images[used], (goal - middle) / size, matched)
     fit.run(progress)
-    places = fit.places * size + middle
-    # Vertices that no face uses follow the similarity nearest to the motion of the others.
-    scale = _extent(places) / _extent(rest)
-    rotation, shift = procrustes(scale * rest, places, reflect=False)
-    vertices = scale * template.vertices @ rotation.T + shift
-    vertices[used] = places
+    vertices = np.empty_like(template.vertices)
+    vertices[used] = fit.places * size + middle
+    loose = np.setdiff1d(np.arange(len(vertices)), used)
+    unused = (template.vertices[loose] - rest.mean(axis=0)) / np.sqrt(area)
+    vertices[loose] = fit.carried(unused) * size + middle
     tolerance = _COVERED * fit.edge
     off, near = fit.distances(tolerance)
     distances = np.full(len(vertices), np.nan)
