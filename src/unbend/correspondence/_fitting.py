@@ -38,7 +38,6 @@ _HOLD = 1.0  # pull of every vertex to where it is, in 1 / area: no system is si
 _NORMAL_WEIGHT = 2.0  # lengths of balance that a difference of normals of one counts as
 _PRIOR = 0.01  # weight of the mean size in that of a patch; patches without a partner take it
 _OUTLIER = 4.0  # median distances, and an edge on top, beyond which a pair is ignored
-_NEARNESS = 4  # power of the distance with which what is farther off moves a point less
 _FAR = 1e6  # extents, from which on everything is as far off; less than its inverse is on a vertex
 _AT_ONCE = 2**22  # distances
 _SLACK = 0.1  # edges beyond a boundary that still count as on the surface
@@ -205,7 +204,7 @@ def carried(
     """Move points (m, 3) as a surface was moved from rest to places, its nearest parts the most.
 
     It moved by the turns (n, 3, 3), which may stretch, around its vertices, of which each counts as
-    much as its area.
+    much as its area over the fourth power of its distance.
     """
     motions = np.hstack([turns.reshape(-1, 9), places - np.einsum("nij,nj->ni", turns, rest)])
     low, high = rest.min(axis=0), rest.max(axis=0)
@@ -213,10 +212,10 @@ def carried(
     moved = np.empty_like(points)
     for part in slices(len(points), max(1, _AT_ONCE // len(rest))):
         some = points[part]
-        near = cdist(np.clip(some, low - _FAR * extent, high + _FAR * extent), rest)
-        near = np.maximum(near, extent / _FAR)
-        weights = areas * (near.min(axis=1, keepdims=True) / near) ** _NEARNESS
-        motion = weights / weights.sum(axis=1, keepdims=True) @ motions
+        near = cdist(np.clip(some, low - _FAR * extent, high + _FAR * extent), rest, "sqeuclidean")
+        near = np.maximum(near, (extent / _FAR) ** 2)
+        weights = areas * np.square(near.min(axis=1, keepdims=True) / near)
+        motion = weights @ motions / weights.sum(axis=1, keepdims=True)
         moved[part] = np.einsum("nij,nj->ni", motion[:, :9].reshape(-1, 3, 3), some)
         moved[part] += motion[:, 9:]
     return moved
