@@ -2,7 +2,7 @@
 
     python benchmarks/match.py SET ... [--data FOLDER] [--pairs N] [--seed S] [--jobs N]
                                [--out FILE] [--groups] [--without NAME ...]
-                               [--barycentric | --peer]
+                               [--barycentric | --landmarks | --peer]
 
 SETS are those of benchmarks/match_sets.py, which says where the data comes from; ``--help`` names
 them. Everything is at its default, and nothing but compiled code is cached. A set with a list
@@ -18,7 +18,8 @@ and those that have a partner, on the worse of the two shapes. ``calibration`` i
 are from as many as their confidences say, over ten classes of it (expected calibration error).
 ``--barycentric`` adds a table of straight distances to the exact places of vertices, which the sets
 ``poses...`` know: from the vertices and from the points on faces that they are mapped to, and from
-the nearest vertices, which is the least error of a map between vertices.
+the nearest vertices, which is the least error of a map between vertices. ``--landmarks`` matches
+wrong pairs again with two true landmarks, the first where ``Match.landmark_hints`` says.
 """
 
 import argparse
@@ -79,7 +80,26 @@ def run(name: str, draw: Draw, how: str = "") -> Row:
     if how == "barycentric" and case.places is not None:
         row["straight"] = straight_errors(case, found)
     maps = found.source_to_target, found.target_to_source
-    return row | measure(case, *maps, found.expected_error)
+    row |= measure(case, *maps, found.expected_error)
+    if how == "landmarks" and row["error"] >= WRONG:
+        pairs = true_landmarks(case, found.landmark_hints)
+        led = match(case.source, case.target, landmarks=pairs)
+        row["led"] = measure(case, led.source_to_target, led.target_to_source)["error"]
+    return row
+
+
+def true_landmarks(case: Case, hints: tuple[int, ...]) -> IntArray:
+    """Two known pairs of vertices: nearest to the first hint, and farthest from that one."""
+    left = np.full(case.whole.n_vertices, -1)
+    left[case.origin] = np.arange(len(case.origin))
+    pairs = np.column_stack([case.rows, left[case.images]])
+    pairs = pairs[pairs[:, 1] >= 0]
+    places = case.source.vertices[pairs[:, 0]]
+    start = case.source.vertices[hints[0]] if hints else places.mean(axis=0)
+    away = np.linalg.norm(places - start, axis=1)
+    first = int(away.argmin() if hints else away.argmax())
+    second = int(np.linalg.norm(places - places[first], axis=1).argmax())
+    return pairs[[first, second]]
 
 
 def match_with_pyfm(source: Mesh, target: Mesh) -> IntArray:
@@ -215,8 +235,11 @@ def print_table(rows: list[Row], groups: bool = False) -> None:
             why = row.get("refused") or (
                 f"error {row['error']:.3f}{', mirrored' if row['mirrored'] else ''}, "
                 f"confidence {row['confidence']:.2f}"
+                f"{', with landmarks ' + format(row['led'], '.3f') if 'led' in row else ''}"
             )
             print(f"wrong: {row['set']} {row['pair']}: {why}")
+    if led := [row["led"] for row in rows if "led" in row]:
+        print(f"right with two landmarks: {sum(one < WRONG for one in led)} of {len(led)} of these")
     right = [row for row in rows if "straight" in row and row["error"] < WRONG]
     if right:
         print(f"\n{'straight errors':24}{'right':>6}{'vertices':>10}{'faces':>10}{'nearest':>10}")
@@ -330,7 +353,7 @@ def main() -> None:
     parser.add_argument("--groups", action="store_true", help="a line for each kind of pair")
     parser.add_argument("--without", action="append", metavar="NAME", default=[])
     how = parser.add_mutually_exclusive_group()
-    for name in ("barycentric", "peer"):
+    for name in ("barycentric", "landmarks", "peer"):
         how.add_argument(f"--{name}", dest="how", action="store_const", const=name, default="")
     given = parser.parse_args()
     if given.how == "peer" and find_spec("pyFM") is None:

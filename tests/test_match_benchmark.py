@@ -82,6 +82,16 @@ def test_a_map_of_nothing_is_wrong(pair, torn, measured):
     assert found["iou"] == 0
 
 
+def test_landmarks_are_true_known_on_both_shapes_and_apart(script, pair, torn):
+    case = script("match_cases").of_pair(pair, None, torn)
+    for hints in ((int(case.rows[7]), 0), ()):
+        pairs = script("match").true_landmarks(case, hints)
+        truth = damaged_truth(pair.truth, unchanged(pair.source), torn)
+        np.testing.assert_array_equal(truth[pairs[:, 0]], pairs[:, 1])
+        assert not hints or pairs[0, 0] == hints[0]
+        assert np.linalg.norm(np.diff(case.source.vertices[pairs[:, 0]], axis=0)) > 0.5
+
+
 def test_calibration_of_a_known_sample(script):
     """Ten maps at .95 of which nine are right, ten at .25 of which five are."""
     confidence = np.repeat([0.95, 0.25], 10)
