@@ -186,7 +186,8 @@ def symmetry(
     if is_doubtful(found.confidence):
         trust = f"the symmetry is doubtful (confidence {found.confidence:.2f})"
         look = "on the page" if report else "with unbend symmetry --report"
-        output.say("warning", f"{trust}: the shape may have none; look at it {look}")
+        why = "the shape may have none, or lack a part on one side"
+        output.say("warning", f"{trust}: {why}; look at it {look}")
     matched, n = int((found.source_to_target >= 0).sum()), len(found.source_to_target)
     partners = f"{matched:,} of {n:,} vertices of {shape.name}, {seconds:.1f} s"
     way = output.fields_of(found, "confidence", "orientation")
