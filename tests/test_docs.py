@@ -62,7 +62,7 @@ def folder(tmp_path, monkeypatch):
         ends = body.vertices.argmax(axis=0)[:2]
         write_markups(tmp_path / f"{name}.mrk.json", body, ends, ["left hand", "head"])
     write_mesh(tmp_path / "scan.glb", body, uvs=body.vertices[:, :2])
-    for name in ("bracket", "patient", "visit1", "visit2"):
+    for name in ("bracket", "fossil", "patient", "visit1", "visit2"):
         write_mesh(tmp_path / f"{name}.stl", body)
     inside = np.vstack([egg.vertices, egg.vertices.mean(axis=0)])
     solid = np.insert(egg.faces[:, ::-1], 3, egg.n_vertices, axis=1)
