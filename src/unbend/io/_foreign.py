@@ -232,7 +232,7 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
     scene = trimesh.load_scene(io.BytesIO(given), file_type=suffix[1:], process=False)
     parts = []
     vertices, faces, at = [np.empty((0, 3))], [NO_FACES], 0
-    for part, placement, _ in _placed(scene):
+    for part, placement in _placed(scene):
         if gltf.DRACO.encode() in data and not part.vertices.any():  # trimesh goes on without them
             raise FileError(
                 "its Draco data could not be decoded (trimesh 5.1 can, if they are whole); save it "
@@ -259,13 +259,13 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
     return Contents(places, corners, tuple(notes), lambda: shared)
 
 
-def _placed(scene: Any) -> Iterator[tuple[Any, FloatArray, int]]:
-    """Parts of a scene but for lines, the matrix of each, and its number in the file."""
-    names = [*scene.geometry]
-    for node in scene.graph.nodes_geometry:
-        placement, name = scene.graph[node]
+def _placed(scene: Any) -> Iterator[tuple[Any, FloatArray]]:
+    """Parts of a scene but for lines, in the order of the file, and the matrix of each."""
+    numbers = {name: number for number, name in enumerate(scene.geometry)}
+    placed = [scene.graph[node] for node in scene.graph.nodes_geometry]
+    for placement, name in sorted(placed, key=lambda one: numbers[one[1]]):
         if not hasattr(scene.geometry[name], "entities"):  # lines
-            yield scene.geometry[name], placement, names.index(name)
+            yield scene.geometry[name], placement
 
 
 def moved_glb(data: bytes, vertices: FloatArray, mesh: Mesh) -> bytes:
@@ -278,14 +278,11 @@ def moved_glb(data: bytes, vertices: FloatArray, mesh: Mesh) -> bytes:
             "lines or copies of parts"
         )
     given = io.BytesIO(gltf.readable(".glb", data)[0])
-    places, at = {}, 0
-    for part, placement, number in _placed(
-        trimesh.load_scene(given, file_type="glb", process=False)
-    ):
-        places[number] = slice(at, at + len(part.vertices)), placement
+    places, at = [], 0
+    for part, placement in _placed(trimesh.load_scene(given, file_type="glb", process=False)):
+        places.append((slice(at, at + len(part.vertices)), placement))
         at += len(part.vertices)
-    in_order = [places[number] for number in sorted(places)]
-    return gltf.move(data, in_order, vertices, mesh.vertices, mesh.faces)
+    return gltf.move(data, places, vertices, mesh.vertices, mesh.faces)
 
 
 def _values(part: Any, linear: bool) -> dict[str, npt.NDArray[Any]]:
