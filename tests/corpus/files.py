@@ -303,7 +303,7 @@ def _points() -> Iterator[_Row]:
     yield "NumPy, complex numbers", ".npy", npy(np.ones((4, 3), dtype=complex)), "not numbers"
     yield "NumPy, a structure", ".npy", npy(np.zeros(4, dtype="f8,f8,f8")), "not numbers"
     yield "NumPy, two columns", ".npy", npy(np.ones((4, 2))), r"not \(n, 3\) numbers"
-    yield "NumPy, NaN", ".npy", npy(np.eye(3) * np.nan), "not a finite"
+    yield "NumPy, NaN", ".npy", npy(np.eye(3) * np.nan), "that vertex, and 2 more"
     yield "NumPy, numbers beyond double", ".npy", npy(np.full((4, 3), "1e4000", "g")), "finite"
 
 

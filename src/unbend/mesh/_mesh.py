@@ -150,9 +150,11 @@ def _check_finite(vertices: FloatArray, faces: IntArray, name: str) -> None:
     if bad.any():
         vertex = int(bad.argmax())
         position = ", ".join(f"{x:g}" for x in vertices[vertex])
+        n_others = int(bad.sum()) - 1
+        others = f", and {n_others:,} more like it" if n_others else ""
         raise MeshError(
             f"{name}: vertex {vertex} is at ({position}), which is not a finite position; "
-            "correct or remove that vertex"
+            f"correct or remove that vertex{others}"
         )
     vertices[infinite] = np.nan
 
