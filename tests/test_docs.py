@@ -56,7 +56,7 @@ def folder(tmp_path, monkeypatch):
         path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)
         write_mesh(path, (egg.vertices * [1, 1, 1 + 0.1 * i], egg.faces))
-    for i, name in enumerate(("template", "anna", "ben", "eve", "left")):
+    for i, name in enumerate(("template", "anna", "ben", "cup", "mug", "eve", "left")):
         body = Mesh(egg.vertices * [1, 1 + 0.1 * i, 1], egg.faces)
         write_mesh(tmp_path / f"{name}.ply", body)
         ends = body.vertices.argmax(axis=0)[:2]
