@@ -251,7 +251,8 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
     values = [_values(part, linear=suffix in _GLTF) for part in parts]
     shared = {
         name: np.concatenate([one[name] for one in values])
-        for name in set.intersection(*map(set, values))
+        for name in values[0]  # in one order, which a set has not
+        if all(name in one for one in values)
     }
     notes = ["read by trimesh", *left_out]
     if suffix == ".dae":

@@ -16,6 +16,7 @@ from unbend import Mesh, write_mesh
 from unbend.errors import FileError, InputError, UnbendWarning
 from unbend.io import keeps_all, read_mesh, read_values
 from unbend.io._foreign import _values
+from unbend.io._meshes import read_contents
 from unbend.mesh import vertex_normals
 
 QUAD = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype="<f4")
@@ -173,8 +174,9 @@ def test_colours_and_texture_coordinates_need_no_material(tmp_path: Path, suffix
     shorts = np.frombuffer(SHARES.tobytes() + TO_BONE.T.astype("<f4").tobytes(), "<u2")[:16]
     shares = shorts.reshape(4, 4)[:, :3] / 65535
     shown = np.where(shares <= 0.0031308, shares * 12.92, 1.055 * shares ** (1 / 2.4) - 0.055)
+    assert [*read_contents(path).values()] == ["alpha", "color", "uv"]  # whatever Python's hashes
     with pytest.warns(UnbendWarning, match="transparency"):
-        found = read_values(path, name="color")
+        found = read_values(path)
     np.testing.assert_array_equal(found, np.rint(shown * 255))
     first = np.ravel(QUAD)[:8].reshape(4, 2)
     np.testing.assert_array_equal(read_values(path, name="uv"), first * [1, -1] + [0, 1])
