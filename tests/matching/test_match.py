@@ -181,7 +181,8 @@ def test_open_surface_and_small_mesh() -> None:
 
 @pytest.mark.filterwarnings("ignore:part of the map is wrong")
 def test_the_same_every_time_and_unlike_shapes_are_not_trusted(blob: Mesh) -> None:
-    other = make_torus(20, 8)
+    torus = make_torus(20, 8)
+    other = Mesh(torus.vertices * [1, 1.5, 1], torus.faces)
     told: list[tuple[str, float]] = []
     one = match(blob, other, refine=False, progress=lambda *stage: told.append(stage))
     two = match(blob, other, refine=False)
@@ -449,6 +450,17 @@ def test_an_ignored_landmark_is_named_by_its_label() -> None:
         assert match(stone, stone, landmarks=pairs).missed_landmarks == (5,)
 
 
+def test_of_a_round_shape_little_is_known_without_two_landmarks() -> None:
+    ball = make_sphere(2)
+    landmarks = np.tile([[0], [40]], 2)
+    with pytest.warns(UnbendWarning, match="round: .*at most 0.12; give two landmarks"):
+        unsure = match(ball, ball, n_eigenpairs=20, landmarks=landmarks[:1])
+    sure = match(ball, ball, n_eigenpairs=20, landmarks=landmarks)
+    assert unsure.confidence < 0.13 < sure.confidence
+    assert np.mean(unsure.expected_error) > np.mean(sure.expected_error) + 0.1
+
+
+@pytest.mark.filterwarnings("ignore:.* is round")
 def test_landmarks_lead_to_each_other_whatever_the_surface_says() -> None:
     """A ball has no features; on a stone some lie a little off where its shape says."""
     ball = make_sphere(2)

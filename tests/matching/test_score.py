@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from sheets import make_sheet
+from sheets import make_sheet, make_torus
 from unbend import Mesh
 from unbend._types import IntArray
 from unbend.datasets import make_biped, make_sphere
@@ -26,6 +26,7 @@ from unbend.matching._score import (
     plausibility,
     ranked,
     rough_costs,
+    roundness_bound,
     scored,
     unexplained,
 )
@@ -49,6 +50,29 @@ def _identity(shape: Shape) -> Registered:
 
 def _loss(shape: Shape, images: np.ndarray) -> float:
     return shape.areas @ _unexplained(shape, images, np.ones(len(images), dtype=bool))
+
+
+@pytest.mark.filterwarnings("ignore:mesh. .* unreferenced")
+def test_a_round_shape_hardly_shows_its_turn() -> None:
+    ball, sheet = make_sphere(3), make_sheet(32)
+    x, y, z = ball.vertices.T
+    pot = np.stack([x * (1.5 + z), y * (1.5 + z), 3 * z], axis=1)
+    handle = pot + np.where((x > 0.8)[:, None], [0.6, 0, 0], 0)
+    middle = sheet.vertices.mean(axis=0)
+    disc = sheet.faces[np.linalg.norm(sheet.vertices - middle, axis=1)[sheet.faces].max(1) < 0.5]
+    bounds = [
+        roundness_bound(prepare_shape(Mesh(*one), 10)[1])
+        for one in (
+            (pot, ball.faces),
+            (pot, ball.faces[(z < 0.5)[ball.faces].all(axis=1)]),
+            (make_torus(40, 20).vertices, make_torus(40, 20).faces),
+            (sheet.vertices, disc),
+            (handle, ball.faces),
+            (sheet.vertices, sheet.faces),
+        )
+    ]
+    assert max(bounds[:4]) < 0.5
+    assert min(bounds[4:]) == roundness_bound(_person()) == 1
 
 
 def test_turns_and_scales_cost_nothing_and_mirrors_and_collapses_do() -> None:

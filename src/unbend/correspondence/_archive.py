@@ -128,8 +128,9 @@ def read_match(
     >>> from pathlib import Path
     >>> from unbend.datasets import make_sphere
     >>> from unbend import match, read_match, write_match
-    >>> path = Path(tempfile.mkdtemp()) / "match.npz"
-    >>> write_match(path, match(make_sphere(2), make_sphere(2), refine=False))
+    >>> ball, path = make_sphere(2), Path(tempfile.mkdtemp()) / "match.npz"
+    >>> stone = ball.vertices * [1, 0.8, 0.6], ball.faces
+    >>> write_match(path, match(stone, stone, refine=False))
     >>> len(read_match(path).source_to_target)
     162
     """

@@ -40,6 +40,7 @@ from unbend.matching._score import (
     nearly_as_good,
     plausibility,
     ranked,
+    roundness_bound,
 )
 from unbend.matching._shape import Shape
 
@@ -121,7 +122,8 @@ def match(
     UnbendWarning
         Of what was done to a mesh, as when it has several components or its faces are oriented
         inward; of missed landmarks; of a map that is in disorder, so that part of it is wrong;
-        and of shapes that are mirror images of each other.
+        of shapes that are mirror images of each other; and of a round shape, which does not show
+        how far it is turned, without two landmarks.
 
     References
     ----------
@@ -157,6 +159,14 @@ def match(
             one._replace(shape=replace(one.shape, landmarks=one.local(vertices)))
             for one, vertices in zip((ours, theirs), pairs.T, strict=True)
         )
+    # Two landmarks show how far a round shape is turned.
+    bounds = [roundness_bound(one.shape) if len(pairs) < 2 else 1.0 for one in (ours, theirs)]
+    if (most := min(bounds)) < 1:
+        name = (ours, theirs)[bounds.index(most)].surface.mesh.name
+        warn(
+            f"{name} is round: its shape hardly shows how far it is turned about its axis, so the "
+            f"confidence is at most {most:.2f}; give two landmarks, at different sides of it"
+        )
     sides = make_sides(ours.shape, theirs.shape)
     found = candidates(sides, progress)
     turned = candidates(sides.reflected(), progress) if mirrored or allow_mirror else []
@@ -189,7 +199,7 @@ def match(
         order = [i, *range(i), *range(i + 1, len(found))]
         ranks = [found[j] for j in order]
         apart = differences(sides, ranks)
-        result = _result(ours, theirs, sides, chosen, ranks, shares[order], apart)
+        result = _result(ours, theirs, sides, chosen, ranks, shares[order], apart, most)
         result = replace(result, landmark_hints=_landmark_hints(ours, sides, ranks, apart))
         if barycentric and theirs.own_faces is not None:
             result = _below_vertices(result, ours, theirs, chosen)
@@ -313,6 +323,7 @@ def _result(
     ranks: Sequence[Candidate],
     shares: FloatArray,
     apart: FloatArray,
+    most: float = 1.0,
 ) -> Match:
     left, right, registered = ours.shape, theirs.shape, chosen.registered
     source = sides.source.proxies[MEDIUM]
@@ -321,7 +332,7 @@ def _result(
     there, back = registered.source.overlap, registered.target.overlap
     in_disorder = disorder(left, right, chosen)
     bound = confidence_bound(in_disorder)
-    plausible = plausibility(ranks[0].energy, in_disorder)
+    plausible = min(plausibility(ranks[0].energy, in_disorder), most)
     elsewhere = (shares @ apart)[source.parents]
     errors = expected_errors(left, right, chosen, elsewhere, 1 - min(plausible, bound))
     return Match(

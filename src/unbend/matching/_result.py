@@ -59,7 +59,8 @@ class Match:
         directions; 0 for a perfect match, about 1 for none.
     confidence : float
         Estimate, 0 to 1, of the probability that the map is right as a whole: that its mean
-        geodesic error is below 0.08 of the square root of the area.
+        geodesic error is below 0.08 of the square root of the area. It is low if a shape is round
+        and there are not two landmarks, because nothing shows how far it is turned.
     confidence_bound : float
         The highest confidence, 0 to 1, that the finished map allows. It is below 1 if more than a
         tenth of the surface is turned inside out, crowded together, or not cycle-consistent; then

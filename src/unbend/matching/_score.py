@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.linalg
 from scipy.spatial import cKDTree
 
+from unbend._arrays import unit_vectors
 from unbend._parallel import run_all
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.alignment import largest_traces
@@ -19,6 +21,9 @@ from unbend.matching._shape import Shape
 from unbend.mesh import vertex_normals
 
 _PATCH_VERTICES, _CROWDED = 6, 3.0
+# Share of a rotation's motion that shows. The least of a pot's is up to 0.06, and with a handle at
+# least 0.1; that of animals, people and bones is 0.2 or more.
+_SHOWN = 0.1
 FLOOR = 10.0**-constants.DIGITS  # of costs: less is rounding
 
 
@@ -201,6 +206,26 @@ def confidence_bound(disorder: float) -> float:
     """Compute the highest confidence, 0 to 1, that the disorder of a finished map allows."""
     orderly, chaotic = constants.DISORDER
     return float(np.clip((chaotic - disorder) / (chaotic - orderly), 0, 1))
+
+
+def roundness_bound(shape: Shape) -> float:
+    """Compute the highest confidence, 0 to 1, that a shape allows whose turn hardly shows.
+
+    What shows of a rotation is its motion across the surface or its boundary: nothing, if a round
+    pot turns about its axis (Gelfand & Guibas, "Shape segmentation using local slippage analysis",
+    SGP 2004).
+    """
+    open_shape = replace(shape, partial=True)
+    start, end, _ = open_shape.boundary_edges.T
+    halves = np.linalg.norm(shape.vertices[end] - shape.vertices[start], axis=1) / 2
+    lengths = np.bincount(np.append(start, end), np.tile(halves, 2), len(shape.vertices))
+    points, weights = np.tile(shape.vertices, (2, 1)), np.append(shape.areas, lengths)
+    points -= weights @ points / weights.sum()
+    outward = shape.averaged(lengths[:, None] * open_shape.conormals, constants.LIMB)
+    across = np.cross(points, np.vstack([shape.normals, unit_vectors(outward)]))
+    inertia = weights @ (points**2).sum(axis=1) * np.eye(3) - (points.T * weights) @ points
+    least = scipy.linalg.eigh((across.T * weights) @ across, inertia, eigvals_only=True)[0]
+    return float(min(np.sqrt(max(least, 0.0)) / _SHOWN, 1.0))
 
 
 def _share_in_disorder(shape: Shape, goal: Shape, found: Registered) -> float:
