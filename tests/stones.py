@@ -35,7 +35,7 @@ def write_stones(folder: Path, count: int) -> list[Path]:
     for i, path in enumerate(paths):
         x, y, z = BALL.vertices.T
         points = np.stack([x * (1 + 0.1 * i), y * (1 + 0.05 * i * z), z + 0.03 * i * x**2], axis=1)
-        write_mesh(path, (points, BALL.faces))
+        write_mesh(path, (points * [1, 0.8, 0.6], BALL.faces))
     return paths
 
 

@@ -453,14 +453,14 @@ def test_an_ignored_landmark_is_named_by_its_label() -> None:
 def test_of_a_round_shape_little_is_known_without_two_landmarks() -> None:
     ball = make_sphere(2)
     landmarks = np.tile([[0], [40]], 2)
-    with pytest.warns(UnbendWarning, match="round: .*at most 0.12; give two landmarks"):
+    with pytest.warns(UnbendWarning, match="sphere: the shape is round.*at most 0.12"):
         unsure = match(ball, ball, n_eigenpairs=20, landmarks=landmarks[:1])
     sure = match(ball, ball, n_eigenpairs=20, landmarks=landmarks)
     assert unsure.confidence < 0.13 < sure.confidence
     assert np.mean(unsure.expected_error) > np.mean(sure.expected_error) + 0.1
 
 
-@pytest.mark.filterwarnings("ignore:.* is round")
+@pytest.mark.filterwarnings("ignore:.*is round")
 def test_landmarks_lead_to_each_other_whatever_the_surface_says() -> None:
     """A ball has no features; on a stone some lie a little off where its shape says."""
     ball = make_sphere(2)

@@ -164,8 +164,8 @@ def match(
     if (most := min(bounds)) < 1:
         name = (ours, theirs)[bounds.index(most)].surface.mesh.name
         warn(
-            f"{name} is round: its shape hardly shows how far it is turned about its axis, so the "
-            f"confidence is at most {most:.2f}; give two landmarks, at different sides of it"
+            f"{name}: the shape is round, which hardly shows how far it is turned about its axis, "
+            f"so the confidence is at most {most:.2f}; give two landmarks, at different sides of it"
         )
     sides = make_sides(ours.shape, theirs.shape)
     found = candidates(sides, progress)
