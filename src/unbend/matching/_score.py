@@ -22,7 +22,7 @@ from unbend.mesh import vertex_normals
 
 _PATCH_VERTICES, _CROWDED = 6, 3.0
 # Share of a rotation's motion that shows. The least of a pot's is up to 0.06, and with a handle at
-# least 0.1; that of animals, people and bones is 0.2 or more.
+# least 0.1; that of animals, people, faces and bones is 0.17 or more.
 _SHOWN = 0.1
 FLOOR = 10.0**-constants.DIGITS  # of costs: less is rounding
 
@@ -221,8 +221,10 @@ def roundness_bound(shape: Shape) -> float:
     lengths = np.bincount(np.append(start, end), np.tile(halves, 2), len(shape.vertices))
     points, weights = np.tile(shape.vertices, (2, 1)), np.append(shape.areas, lengths)
     points -= weights @ points / weights.sum()
-    outward = shape.averaged(lengths[:, None] * open_shape.conormals, constants.LIMB)
-    across = np.cross(points, np.vstack([shape.normals, unit_vectors(outward)]))
+    outward = open_shape.conormals
+    if len(start):  # whatever runs in zigzags where faces were left out
+        outward = unit_vectors(shape.averaged(lengths[:, None] * outward, constants.LIMB))
+    across = np.cross(points, np.vstack([shape.normals, outward]))
     inertia = weights @ (points**2).sum(axis=1) * np.eye(3) - (points.T * weights) @ points
     least = scipy.linalg.eigh((across.T * weights) @ across, inertia, eigvals_only=True)[0]
     return float(min(np.sqrt(max(least, 0.0)) / _SHOWN, 1.0))
