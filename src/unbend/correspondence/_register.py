@@ -163,16 +163,17 @@ def register(
     # In units in which the template, scaled to the scan, has unit area.
     size = np.sqrt(area) * _scale(rest, goal, matched, faces)
     middle = goal[matched].mean(axis=0)
-    surface = ElasticSurface((rest - rest.mean(axis=0)) / np.sqrt(area), faces, areas / area)
+    before = (whole.vertices - rest.mean(axis=0)) / np.sqrt(area)
+    surface = ElasticSurface(before[used], faces, areas / area)
     seen = np.nan_to_num(used_vertices(scan) - middle) / size
     target = make_target(seen, _oriented(scan))
     fit = Fit(surface, target, images[used], (goal - middle) / size, matched)
     fit.run(progress)
-    vertices = np.empty_like(template.vertices)
-    vertices[used] = fit.places * size + middle
-    loose = np.setdiff1d(np.arange(len(vertices)), used)
-    unused = (template.vertices[loose] - rest.mean(axis=0)) / np.sqrt(area)
-    vertices[loose] = fit.carried(unused) * size + middle
+    places = np.full_like(before, np.nan)
+    places[used] = fit.places
+    unused = np.setdiff1d(number, used)  # but for copies along seams
+    places[unused] = fit.carried(before[unused])
+    vertices = places * size + middle
     tolerance = _COVERED * fit.edge
     off, near = fit.distances(tolerance)
     distances = np.full(len(vertices), np.nan)
