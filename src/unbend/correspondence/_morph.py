@@ -108,8 +108,9 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
         loose = in_unmatched_components(faces, moving) & (surface.areas > 0)
         surface = joined(surface, loose)
         goal = _extended(surface, goal, moving, rotation, size)
-        _carry_unused(surface, start, goal, size, ~moving)
     if t == 1:
+        if surface is not None:
+            _carry_unused(surface, start, goal, size, ~moving)
         return Mesh(goal[number], source.faces, name=name)
     warn_of_units((_extent(source), _extent(target)), (source.name, target.name))
     # The shape changes in the source's own frame; then the rigid motion follows.

@@ -159,14 +159,7 @@ def match(
             one._replace(shape=replace(one.shape, landmarks=one.local(vertices)))
             for one, vertices in zip((ours, theirs), pairs.T, strict=True)
         )
-    # Two landmarks show how far a round shape is turned.
-    bounds = [roundness_bound(one.shape) if len(pairs) < 2 else 1.0 for one in (ours, theirs)]
-    if (most := min(bounds)) < 1:
-        name = (ours, theirs)[bounds.index(most)].surface.mesh.name
-        warn(
-            f"{name}: the shape is round, which hardly shows how far it is turned about its axis, "
-            f"so the confidence is at most {most:.2f}; give two landmarks, at different sides of it"
-        )
+    most = _bound_by_roundness(ours, theirs) if len(pairs) < 2 else 1.0
     sides = make_sides(ours.shape, theirs.shape)
     found = candidates(sides, progress)
     turned = candidates(sides.reflected(), progress) if mirrored or allow_mirror else []
@@ -295,6 +288,18 @@ def landmark_pairs(landmarks: npt.ArrayLike, name: str = "landmarks") -> IntArra
             f"array of shape {pairs.shape} and type {pairs.dtype}"
         )
     return pairs
+
+
+def _bound_by_roundness(ours: Input, theirs: Input) -> float:
+    """Compute the highest confidence without two landmarks; warn if a shape is round."""
+    bounds = [roundness_bound(one.shape) for one in (ours, theirs)]
+    if (most := min(bounds)) < 1:
+        name = (ours, theirs)[bounds.index(most)].surface.mesh.name
+        warn(
+            f"{name}: the shape is round, which hardly shows how far it is turned about its axis, "
+            f"so the confidence is at most {most:.2f}; give two landmarks, at different sides of it"
+        )
+    return most
 
 
 def _landmark_hints(
