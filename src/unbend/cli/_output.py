@@ -68,7 +68,7 @@ def what_to_keep(out: str, original: str, *, whole: bool = True, moved: bool = T
     held = unbend.io.file_extras(original)
     keeps = whole and unbend.io.keeps_all(out, original)
     if keeps and out.lower().endswith(".obj"):
-        kept = ", with new positions of used vertices" if moved else ""
+        kept = ", with new positions" if moved else ""
         if moved and "normals" in held:
             kept += "; its normals are recomputed, or left out where unlike faces share one"
         folders = {os.path.realpath(os.path.dirname(path)) for path in (out, original)}
