@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from match_cases import Case, Chance, Draw, Pair, Set, of_pair, of_rows
+from match_cases import Case, Chance, Draw, Pair, Set, coarser, of_pair, of_rows
 from public_sets import rows_pair
 
 from testshapes.bodies import KINDS, make_body
@@ -110,6 +110,11 @@ def littered(chance: Chance, mesh: Mesh) -> Damaged:
     return add_components(mesh, random_state=_seed(chance))
 
 
+def simplified(n_vertices: int, chance: Chance, mesh: Mesh) -> Damaged:
+    """Leave few vertices."""
+    return coarser(mesh, n_vertices)
+
+
 def cut_limb(chance: Chance, pair: Pair) -> Case:
     """Take one limb off the target."""
     if pair.limbs is None:  # not marked on TOSCA: a disc of 30 % instead
@@ -134,6 +139,7 @@ HARM: dict[str, dict[str, Callable[[Chance, Mesh], Damaged]]] = {
     | {f"{share:.0%} fused": functools.partial(fused, share) for share in (0.01, 0.03)},
     "noise": {f"{noise}": functools.partial(noisy, noise) for noise in (0.2, 0.5)}
     | {"components": littered},
+    "coarse": {f"{n} vertices": functools.partial(simplified, n) for n in (200, 500)},
 }
 BOTH: dict[str, Callable[[Chance, Pair], Case]] = {"limb": cut_limb, "overlap 50%": cut_apart}
 

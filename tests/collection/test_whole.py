@@ -8,7 +8,6 @@ from sheets import make_sheet
 from unbend import Mesh
 from unbend.collection import _whole
 from unbend.collection._whole import face_areas, whole_surface
-from unbend.datasets import make_sphere
 from unbend.errors import MeshError
 from unbend.mesh import find_edges
 
@@ -62,22 +61,6 @@ def test_a_slit_without_area_is_closed_without_faces() -> None:
     vertices, faces = _whole._closed(points, np.array(above + below + sides))
     assert len(faces) == 7
     assert (face_areas(vertices, faces) > 0).all()
-
-
-def test_no_edge_stays_long(monkeypatch: pytest.MonkeyPatch) -> None:
-    ball = make_sphere(1)
-
-    def refined() -> tuple[int, float]:
-        found = _whole._refined(*_whole._at_unit_area(ball.vertices, ball.faces))
-        ends = found.vertices[find_edges(found.faces, found.n_vertices).ends]
-        return found.n_vertices, np.linalg.norm(np.diff(ends, axis=1), axis=2).max()
-
-    count, longest = refined()
-    assert longest <= 0.036
-    assert count > 4 * 42
-    # But where there may not be more vertices, once is always possible.
-    monkeypatch.setattr(_whole, "_MOST", 100)
-    assert refined()[0] == 162
 
 
 def test_pieces_are_linked_wherever_they_touch() -> None:

@@ -22,6 +22,8 @@ from unbend.matching._extremities import (
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._shape import Shape
 
+pytestmark = pytest.mark.usefixtures("as_meshed")
+
 
 def test_a_person_has_five_tips() -> None:
     body = make_biped("walking", n_vertices=600)

@@ -14,6 +14,8 @@ from unbend.matching import _inputs
 from unbend.matching._inputs import expand, expand_rows, prepare_shape, prepare_shapes
 from unbend.mesh import vertex_areas
 
+pytestmark = pytest.mark.usefixtures("as_meshed")
+
 
 def test_only_small_meshes_are_prepared_side_by_side_and_all_with_one_result(
     monkeypatch: pytest.MonkeyPatch,
@@ -167,15 +169,20 @@ def _with_odds() -> Mesh:
     return Mesh(vertices, faces, name="odd")
 
 
-def test_points_on_faces_are_the_same_points_on_the_mesh_s_own() -> None:
+@pytest.mark.parametrize(("longest", "count"), [(np.inf, 80), (0.1, 80 * 4)])
+def test_points_on_faces_are_the_same_points_on_the_mesh_s_own(
+    longest: float, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_inputs, "_LONGEST", longest)
     mesh = _with_odds()
     with pytest.warns(UnbendWarning):
         found = prepare_shape(mesh, 10)
-    np.testing.assert_array_equal(found.kept, [*range(1, 21), *range(22, 44)])
+    np.testing.assert_array_equal(found.kept[:42], [*range(1, 21), *range(22, 44)])
     faces = np.arange(len(found.shape.faces))
-    assert len(faces) == 80
-    weights = np.random.default_rng(0).dirichlet([1, 1, 1], 80)
-    places = np.einsum("ij,ijk->ik", weights, mesh.vertices[found.kept[found.shape.faces]])
+    assert len(faces) == count
+    weights = np.random.default_rng(0).dirichlet([1, 1, 1], count)
+    corners = found.surface.mesh.vertices[found.shape.faces]
+    places = np.einsum("ij,ijk->ik", weights, corners)
     own, moved = found.on_own_faces(faces, weights)
     np.testing.assert_allclose(moved.sum(axis=1), 1)
     there = np.einsum("ij,ijk->ik", moved, mesh.vertices[mesh.faces[own]])

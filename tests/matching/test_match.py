@@ -15,6 +15,7 @@ from unbend.errors import InputError, UnbendWarning
 from unbend.matching import _constants as constants
 from unbend.matching import landmark_pairs, match, prepare_spectrum, symmetry
 from unbend.mesh import vertex_areas
+from unbend.mesh.refinement import refine
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
 
@@ -61,6 +62,27 @@ def test_itself_is_the_identity(blob: Mesh) -> None:
     assert np.abs(positions - blob.vertices).max() < 0.02
 
 
+def test_a_coarse_mesh_is_matched_as_well_as_a_fine_one() -> None:
+    """A block of twelve vertices, and a fine mesh of it in two poses."""
+    corners = np.array([[0.0, 0], [6, 0], [6, 1], [1, 1], [1, 4], [0, 4]])
+    block = np.vstack([np.insert(corners, 2, height, axis=1) for height in (0, 2.5)])
+    block[[0, 5, 6, 11], 2] *= 1.2
+    end, here = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 5], [3, 4, 5]]), np.arange(6)
+    there = np.roll(here, -1)
+    walls = np.transpose([[here, there, there + 6], [here, there + 6, here + 6]], (0, 2, 1))
+    coarse = Mesh(block, np.vstack([end[:, ::-1], end + 6, *walls]))
+    vertices, faces, *_ = refine(coarse.vertices, coarse.faces, 0.2)
+    fine, bent = (
+        Mesh(places, faces)
+        for places in (vertices, vertices + 0.02 * vertices[:, [2, 0, 1]] ** 2 * [0, 1, 0])
+    )
+    for source, target, pair in ((coarse, fine, (coarse, bent)), (fine, coarse, (bent, coarse))):
+        found = match(*pair, barycentric=True)
+        assert found.confidence > 0.9
+        there = np.einsum("ij,ijk->ik", found.weights, target.vertices[target.faces[found.faces]])
+        assert np.linalg.norm(there - source.vertices, axis=1).mean() < 0.1
+
+
 def test_symmetric_shape_and_its_mirror_image() -> None:
     egg, image = make_egg(2), make_egg(2, -1)
     found = match(egg, image)
@@ -102,8 +124,8 @@ def test_a_mirror_image_is_told_and_matched_if_allowed(blob: Mesh) -> None:
 
 
 def test_left_and_right_of_two_individuals_are_told() -> None:
-    one, other = make_blob(2, lengths=(0.8, 0.5, 0.3)), make_blob(2, lengths=(0.8, 0.35, 0.39))
-    other = Mesh(other.vertices * [1.3, 1, 0.85], other.faces)
+    one, other = make_blob(2, lengths=(0.8, 0.5, 0.3)), make_blob(2, lengths=(0.8, 0.45, 0.33))
+    other = Mesh(other.vertices * [1.1, 1, 0.95], other.faces)
     assert match(one, other, refine=False).confidence > 0.9
     with pytest.warns(UnbendWarning, match="mirror image of the target fits far better"):
         found = match(one, (other.vertices * MIRROR, other.faces[:, ::-1]), refine=False)
@@ -130,7 +152,7 @@ def test_maps_that_are_not_refined_are_a_little_rough(monkeypatch: pytest.Monkey
         np.linalg.norm(egg.vertices[one] * MIRROR - egg.vertices, axis=1).mean()
         for one in (both.mirrored, rough.source_to_target, swap.source_to_target)
     )
-    assert swap_off < 1e-9 < max(off, rough_off) < 0.02
+    assert swap_off < 1e-9 < max(off, rough_off) < 0.03
 
 
 def test_every_alternative_knows_all_hypotheses_its_own_first() -> None:
@@ -453,7 +475,7 @@ def test_an_ignored_landmark_is_named_by_its_label() -> None:
 def test_of_a_round_shape_little_is_known_without_two_landmarks() -> None:
     ball = make_sphere(2)
     landmarks = np.tile([[0], [40]], 2)
-    with pytest.warns(UnbendWarning, match="sphere: the shape is round.*at most 0.12"):
+    with pytest.warns(UnbendWarning, match="sphere: the shape is round.*at most 0.10"):
         unsure = match(ball, ball, n_eigenpairs=20, landmarks=landmarks[:1])
     sure = match(ball, ball, n_eigenpairs=20, landmarks=landmarks)
     assert unsure.confidence < 0.13 < sure.confidence

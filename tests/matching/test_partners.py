@@ -15,6 +15,8 @@ from unbend.matching._inputs import prepare_shape
 from unbend.matching._partners import cycle_consistent, keep_matched
 from unbend.matching._shape import Shape
 
+pytestmark = pytest.mark.usefixtures("as_meshed")
+
 BALL = make_sphere(3)
 NEAR = 0.3, 0.3
 

@@ -40,6 +40,8 @@ from unbend.matching._registration import Pose, Registered, mapped_start
 from unbend.matching._score import Candidate, scored
 from unbend.matching._shape import Shape, make_proxy
 
+pytestmark = pytest.mark.usefixtures("as_meshed")
+
 _source = functools.partial(person, "standing", n_vertices=600)
 _target = functools.partial(person, "walking", n_vertices=500, meshing=1)
 

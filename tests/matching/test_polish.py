@@ -18,6 +18,8 @@ from unbend.matching._polish import _as_most_around, refined, reranked, with_par
 from unbend.matching._registration import Registered, mapped_start
 from unbend.matching._score import Candidate, scored
 
+pytestmark = pytest.mark.usefixtures("as_meshed")
+
 
 def candidate(energy: float) -> Candidate:
     return Candidate(None, energy, 1.0, False, np.zeros(0, dtype=bool))

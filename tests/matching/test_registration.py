@@ -25,6 +25,8 @@ from unbend.matching._score import scored
 from unbend.matching._search import orthogonal_maps
 from unbend.matching._shape import Shape, make_proxy
 
+pytestmark = pytest.mark.usefixtures("as_meshed")
+
 
 def _shape(mesh: Mesh) -> Shape:
     return prepare_shape(mesh, 60)[1]

@@ -32,6 +32,8 @@ from unbend.matching._score import (
 )
 from unbend.matching._shape import Proxy, Shape
 
+pytestmark = pytest.mark.usefixtures("as_meshed")
+
 
 @functools.cache
 def _person() -> Shape:

@@ -20,6 +20,8 @@ from unbend.matching._search import (
 )
 from unbend.matching._shape import Shape
 
+pytestmark = pytest.mark.usefixtures("as_meshed")
+
 K = constants.FUNCTIONS[1]
 
 

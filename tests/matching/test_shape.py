@@ -17,6 +17,8 @@ from unbend.matching._shape import (
     make_shape,
 )
 
+pytestmark = pytest.mark.usefixtures("as_meshed")
+
 
 def _shape(mesh: Mesh, n_eigenpairs: int = 40) -> Shape:
     return prepare_shape(mesh, n_eigenpairs)[1]

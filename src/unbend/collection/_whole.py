@@ -25,14 +25,13 @@ from unbend.mesh import (
     proper_faces,
     vertex_areas,
 )
+from unbend.mesh.refinement import refine
 from unbend.spectral import laplacian
 
 # Lengths are at unit area.
 _DUST = 1e-3  # pieces with a smaller share of the area are removed, unless they make up half of it
 _SEAM = 3e-3  # boundaries of two pieces are joined where they are nearer than this
 _LONGEST = 0.036  # edge; even triangles with such edges have about 900 vertices
-_ROUNDS = 12
-_MOST = 20_000  # vertices that refinement makes, or 4 times as many as before: spikes need many
 _TOUCH = 0.02  # pieces touch where vertices are this near; others are joined by so many links
 _LINKS = 8
 _TIE = 1e-9  # distances that differ by less are equal
@@ -60,7 +59,8 @@ def whole_surface(mesh: Mesh) -> Whole:
             raise MeshError(f"{mesh.name}: a shape needs at least 4 points")
         one = Mesh(points / np.abs(points).max(), name=mesh.name)
     else:
-        one = _refined(*_closed(*_stitched(*_welded(mesh))))
+        closed = _closed(*_stitched(*_welded(mesh)))
+        one = Mesh(*refine(*closed, _LONGEST)[:2])  # so that large faces carry high frequencies
     operator = laplacian(one, laplacian="robust")
     # The operator's own areas depend on the order of faces where four vertices lie on a circle.
     mass = operator.areas if one.is_point_cloud else vertex_areas(one)
@@ -142,60 +142,6 @@ def _closed(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray
     vertices = np.concatenate([vertices, tips])
     fans = fans[face_areas(vertices, fans) > 0]
     return _at_unit_area(vertices, np.concatenate([faces, fans]))
-
-
-def _refined(vertices: FloatArray, faces: IntArray) -> Mesh:
-    """Split edges until none is long, so that large faces carry high frequencies, too."""
-    most = max(_MOST, 4 * len(vertices))
-    for _ in range(_ROUNDS):
-        edges = find_edges(faces, len(vertices))
-        tails, heads = vertices[edges.ends].transpose(1, 0, 2)
-        long = np.linalg.norm(heads - tails, axis=1) > _LONGEST
-        middle = np.where(long, len(vertices) + np.cumsum(long) - 1, -1)
-        faces, sides = _turned(faces, middle[edges.of_side].reshape(-1, 3))
-        two = (sides >= 0).sum(axis=1) == 2
-        count = len(vertices) + long.sum() + two.sum()
-        if not long.any() or count > most:
-            break
-        centres = np.where(two, count - two.sum() + np.cumsum(two) - 1, -1)
-        middles = (tails[long] + heads[long]) / 2
-        a, b, c = vertices[faces[two]].transpose(1, 0, 2)
-        vertices = np.concatenate([vertices, middles, (3 * a + 2 * b + 3 * c) / 8])
-        faces = _split(faces, sides, centres)
-    return Mesh(vertices, faces)
-
-
-def _turned(faces: IntArray, middles: IntArray) -> tuple[IntArray, IntArray]:
-    """Turn faces so that a single middle is on the first side, and of two the last side has none.
-
-    Side ``k`` leads from corner ``k`` to the next; its middle is -1 where it stays whole.
-    """
-    count = (middles >= 0).sum(axis=1)
-    first = np.where(count == 1, (middles >= 0).argmax(axis=1), (middles < 0).argmax(axis=1) + 1)
-    order = (first[:, None] + np.arange(3)) % 3
-    return np.take_along_axis(faces, order, axis=1), np.take_along_axis(middles, order, axis=1)
-
-
-def _split(faces: IntArray, middles: IntArray, centres: IntArray) -> IntArray:
-    """Split turned faces at the middles of their sides.
-
-    Two middles leave a quadrilateral, which is split at its centre. Choosing one of its diagonals
-    would make the result depend on the order of the corners.
-    """
-    count = (middles >= 0).sum(axis=1)
-    a, b, c = faces.T
-    ab, bc, ca = middles.T
-    m = centres
-    pieces = [  # by the number of middles
-        [(a, b, c)],
-        [(a, ab, c), (ab, b, c)],
-        [(b, bc, ab), (a, ab, m), (ab, bc, m), (bc, c, m), (c, a, m)],
-        [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)],
-    ]
-    split = []
-    for number, some in enumerate(pieces):
-        split += [np.column_stack(corners)[count == number] for corners in some]
-    return np.concatenate(split)
 
 
 def _links(points: FloatArray, stiffness: SparseMatrix) -> SparseMatrix:

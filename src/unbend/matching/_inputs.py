@@ -13,24 +13,27 @@ from scipy.spatial import cKDTree
 from unbend._parallel import run_all
 from unbend._text import plural
 from unbend._types import BoolArray, FloatArray, IntArray
-from unbend.errors import InputError, MeshError, warn
+from unbend.errors import InputError, MeshError, heard, warn
 from unbend.io import MeshLike, as_mesh
 from unbend.matching import _constants as constants
 from unbend.matching._shape import Shape, make_shape
 from unbend.mesh import (
     Mesh,
+    face_normals,
     find_components,
     orient_consistently,
     outwardness,
     vertex_areas,
     vertex_ids,
 )
+from unbend.mesh.refinement import refine
 from unbend.preparation import describe_seams, join_seams, restrict, surface_of_points
 from unbend.spectral import Surface, eigenpairs, make_surface
 
 # Vertices of all meshes, above which the spectrum of one keeps every core busy and those of several
 # at once would take more memory than time.
 _SIDE_BY_SIDE = 200_000
+_LONGEST = constants.LIMB / 4  # Longer edges are split: a map says nothing of what is between.
 _NEARLY_LARGEST = 0.75  # With so large a share of its vertices, another mesh may change the order.
 _LIKELY = 0.05  # how surely faces face a way when another shape's that face the other are told
 
@@ -42,13 +45,14 @@ class Input(NamedTuple):
     the nearest vertex of `shape`; -1 at vertices that no face uses, and at outliers.
     """
 
-    surface: Surface  # its largest component, checked; of a point cloud, the surface of its points
+    surface: Surface  # its largest component, or that of points; checked, without long edges
     shape: Shape  # the same, as the matcher takes it
-    kept: IntArray  # (k,) the mesh's vertex, or the nearest point, that each vertex of `shape` is
+    kept: IntArray  # (k,) the mesh's vertex, or nearest point, that each of the first of `shape` is
     representatives: IntArray  # (n,) what stands for each vertex of the mesh
     away: FloatArray  # (n,) how far from it that is, in square roots of the area
-    own_faces: IntArray | None  # (m,) the mesh's face that each face of `shape` is; of points, None
-    own_corners: IntArray  # (m, 3) its corners in the mesh's winding; of a point cloud, points
+    own_faces: IntArray | None  # (m,) the mesh's face that each of `shape` lies on; of points, None
+    own_corners: IntArray  # (m, 3) the vertices of `shape` that are its corners, in its winding
+    corners: FloatArray | BoolArray  # (m, 3, 3) where on it each corner is, as weights of these
 
     def local(self, vertices: npt.ArrayLike) -> IntArray:
         """Turn vertices of the mesh into those of `shape` that stand for them."""
@@ -70,9 +74,7 @@ class Input(NamedTuple):
     def on_own_faces(self, faces: IntArray, weights: FloatArray) -> tuple[IntArray, FloatArray]:
         """Turn points on faces of `shape` into points on faces of a mesh that has faces."""
         assert self.own_faces is not None
-        corners = self.kept[self.shape.faces[faces]]
-        moved = self.own_corners[faces][:, :, None] == corners[:, None, :]
-        return self.own_faces[faces], np.einsum("ijk,ik->ij", moved, weights)
+        return self.own_faces[faces], np.einsum("ikj,ik->ij", self.corners[faces], weights)
 
 
 class _Checked(NamedTuple):
@@ -81,7 +83,12 @@ class _Checked(NamedTuple):
     surface: Surface
     faces: IntArray  # of the surface, oriented consistently, outward if it has an inside
     outward: float  # how surely
-    in_mesh: tuple[Any, ...]  # what an Input has from `kept` on
+    kept: IntArray  # this and the following as of an Input
+    representatives: IntArray
+    away: FloatArray
+    own_faces: IntArray | None
+    own_corners: IntArray
+    corners: FloatArray | BoolArray
 
 
 def prepare_shape(mesh: MeshLike, n_eigenpairs: int, partial: bool = False) -> Input:
@@ -136,8 +143,11 @@ def _check(mesh: Mesh) -> _Checked:
     others = np.setdiff1d(joined.faces, kept)
     found[others] = cKDTree(mesh.vertices[kept]).query(mesh.vertices[others])[1]
     found = found[number]
-    in_mesh = kept, found, _away(mesh, surface, kept, found), own_faces, joined.faces[own_faces]
-    return _Checked(surface, faces, outward, in_mesh)
+    away = _away(mesh, surface, kept, found)
+    own_corners = found[joined.faces[own_faces]]
+    corners = faces[:, :, None] == own_corners[:, None, :]
+    checked = surface, faces, outward, kept, found, away, own_faces, own_corners, corners
+    return _without_long_edges(_Checked(*checked))
 
 
 def _check_points(cloud: Mesh) -> _Checked:
@@ -147,8 +157,30 @@ def _check_points(cloud: Mesh) -> _Checked:
         verb = "point is" if n_outliers == 1 else "points are"
         warn(f"{cloud.name}: {n_outliers} {verb} not on its surface: -1 in a map")
     surface = make_surface(found.mesh)
-    in_mesh = point, vertex, _away(cloud, surface, point, vertex), None, point[faces]
-    return _Checked(surface, faces, np.inf, in_mesh)
+    away = _away(cloud, surface, point, vertex)
+    corners = np.broadcast_to(np.eye(3, dtype=bool), (len(faces), 3, 3))
+    checked = surface, faces, np.inf, point, vertex, away, None, faces, corners
+    return _without_long_edges(_Checked(*checked))
+
+
+def _without_long_edges(given: _Checked) -> _Checked:
+    """Split long edges of a mesh most of whose area they surround."""
+    mesh, longest = given.surface.mesh, _LONGEST * np.sqrt(given.surface.area)
+    corners = mesh.vertices[given.faces]
+    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    areas = np.linalg.norm(face_normals(mesh.vertices, given.faces), axis=1)
+    if areas[sides > longest].sum() < areas.sum() / 2:
+        return given
+    found = refine(mesh.vertices, given.faces, longest)
+    with heard():  # all was told of the mesh itself
+        surface = make_surface(Mesh(found.vertices, found.faces, name=mesh.name))
+    return given._replace(
+        surface=surface,
+        faces=found.faces,
+        own_faces=None if given.own_faces is None else given.own_faces[found.parents],
+        own_corners=given.own_corners[found.parents],
+        corners=found.corners @ given.corners[found.parents],
+    )
 
 
 def _away(mesh: Mesh, surface: Surface, kept: IntArray, representatives: IntArray) -> FloatArray:
@@ -164,11 +196,11 @@ def _prepare(checked: _Checked, n_eigenpairs: int, partial: bool) -> Input:
     pairs = eigenpairs(surface, min(n_eigenpairs, surface.n_vertices // 2))
     found = pairs.areas, pairs.eigenvalues, pairs.eigenfunctions
     shape = make_shape(surface.mesh.vertices, checked.faces, *found, partial)
-    return Input(surface, shape, *checked.in_mesh)
+    return Input(surface, shape, *checked[3:])
 
 
 def expand(point_map: IntArray, overlap: BoolArray, source: Input, target: Input) -> IntArray:
-    """Turn a map between vertices in use into one between all vertices, -1 where none."""
+    """Turn a map to kept vertices into one between all vertices of the meshes, -1 where none."""
     images = np.where(overlap, target.kept[point_map], -1)
     return np.asarray(expand_rows(images, source, -1))
 

@@ -9,6 +9,7 @@ from typing import Any, get_args
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from unbend._arrays import array_of, check_choice, check_whole, first_largest, snap
 from unbend._parallel import one_blas_thread, run_all
@@ -28,7 +29,7 @@ from unbend.matching._plan import (
     onto_mirror_image,
 )
 from unbend.matching._polish import exact, refined, reranked, with_partners, without_extras
-from unbend.matching._registration import landing_places, spectral_residual
+from unbend.matching._registration import Registered, landing_places, spectral_residual
 from unbend.matching._result import Hypothesis, Match, warn_of_disorder
 from unbend.matching._score import (
     Candidate,
@@ -73,10 +74,11 @@ def match(
     ----------
     source, target : mesh-like
         Anything :func:`unbend.as_mesh` accepts, open or closed, but not with one side only.
-        Faces are oriented consistently and outward. A surface is reconstructed for a point cloud,
-        and outliers get no partner, -1. The vertex counts, units, and positions in space may
-        differ. Of several components the largest is matched; the vertices of the others take the
-        partner of the nearest vertex of the largest.
+        Faces are oriented consistently and outward. Long edges of a coarse mesh are split within
+        the matcher. A surface is reconstructed for a point cloud, and outliers get no partner, -1.
+        The vertex counts, units, and positions in space may differ. Of several components the
+        largest is matched; the vertices of the others take the partner of the nearest vertex of
+        the largest.
     partial : {"auto", "none", "source", "target", "both"}, default="auto"
         Which shape may lack what the other one has. That gets no partner, -1: what lies beyond a
         boundary, where a shape was torn, cut off or seen from one side; and, on closed shapes too,
@@ -201,8 +203,9 @@ def match(
     result = replace(results[0], alternatives=tuple(results[1:]))
     if mirrored:
         turned, fine = reranked(sides, turned, polish=refine)
-        other = finished(without_extras(sides, turned, torn)[0], fine).registered
-        result = replace(result, mirrored=expand(other.forward, other.source.overlap, ours, theirs))
+        other = finished(without_extras(sides, turned, torn)[0], fine)
+        images = _images(ours, _as_taken(theirs, other), other.registered)
+        result = replace(result, mirrored=images)
     for row in result.missed_landmarks:
         one, other = pairs[row]
         which = f"landmark {labels[row]!r}" if labels else "the landmark"
@@ -312,7 +315,8 @@ def _landmark_hints(
         if len(hints) == _MOST_HINTS or not nearly_as_good(other, ranks[0]):
             break
         around = source.shape.averaged(source.shape.areas * far, source.shape.detail)
-        hints.append(int(ours.kept[source.kept[first_largest(snap(around))]]))
+        place = source.shape.vertices[first_largest(snap(around))]
+        hints.append(int(ours.kept[cKDTree(ours.shape.vertices[: len(ours.kept)]).query(place)[1]]))
     return tuple(dict.fromkeys(hints))
 
 
@@ -341,8 +345,8 @@ def _result(
     elsewhere = (shares @ apart)[source.parents]
     errors = expected_errors(left, right, chosen, elsewhere, 1 - min(plausible, bound))
     return Match(
-        source_to_target=expand(registered.forward, there, ours, theirs),
-        target_to_source=expand(registered.backward, back, theirs, ours),
+        source_to_target=_images(ours, _as_taken(theirs, chosen), registered),
+        target_to_source=_images(_as_taken(theirs, chosen), ours, registered.back()),
         functional_map=_functional_map(left, right, registered.forward, left.areas * there),
         orientation=_orientation(chosen),
         residual=spectral_residual(left, right, registered),
@@ -358,6 +362,24 @@ def _result(
         missed_landmarks=tuple(np.flatnonzero(chosen.missed).tolist()),
         expected_error=expand_rows(errors, ours, np.nan) + ours.away,
     )
+
+
+def _as_taken(target: Input, chosen: Candidate) -> Input:
+    return target._replace(shape=target.shape.reflected()) if chosen.reflected else target
+
+
+def _images(source: Input, target: Input, found: Registered) -> IntArray:
+    """Vertices (n,) of the target's mesh that vertices of the source's have as partners, or -1."""
+    images, own = found.forward.copy(), len(target.kept)
+    split = images >= own  # partners within long edges and large faces
+    if split.any():
+        landing, places = landing_places(source.shape, target.shape, found)
+        shape = target.shape
+        faces, _ = closest_faces(landing[split], places, shape.faces, shape.fans, images[split])
+        corners = target.own_corners[faces]
+        off = np.linalg.norm(places[corners] - landing[split, None], axis=2)
+        images[split] = np.take_along_axis(corners, off.argmin(axis=1)[:, None], axis=1)[:, 0]
+    return expand(images, found.source.overlap, source, target)
 
 
 def _functional_map(
@@ -380,8 +402,7 @@ def _share(shape: Shape, overlap: BoolArray) -> float:
 def _below_vertices(result: Match, ours: Input, theirs: Input, chosen: Candidate) -> Match:
     """Add where each source vertex falls within a face of the target."""
     registered = chosen.registered
-    target = theirs.shape.reflected() if chosen.reflected else theirs.shape
-    landing = landing_places(ours.shape, target, registered)
+    landing = landing_places(ours.shape, _as_taken(theirs, chosen).shape, registered)
     faces, weights = theirs.on_own_faces(
         *closest_faces(*landing, theirs.shape.faces, theirs.shape.fans, registered.forward)
     )

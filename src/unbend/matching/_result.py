@@ -46,8 +46,8 @@ class Match:
         Source vertex of each target vertex, likewise.
     functional_map : (k, k) ndarray of float64
         Pulls functions back from target to source, in the first k eigenfunctions (the constant
-        among them, unit total area) of the largest components, or of the surfaces reconstructed
-        from point clouds: ``source_basis @ functional_map`` is close to
+        among them, unit total area) of the largest components, their long edges split if they are
+        coarse, or of the surfaces of point clouds: ``source_basis @ functional_map`` is close to
         ``target_basis[source_to_target]`` where there are partners. It is
         ``source_basis.T @ diag(a) @ target_basis[source_to_target]`` for areas `a` of the source
         as shares of its whole area, but 0 where there is no partner.
