@@ -18,6 +18,8 @@ from unbend.matching._inputs import prepare_shape
 from unbend.matching._registration import laid_maps, laid_starts
 from unbend.matching._shape import Shape, make_proxy
 
+pytestmark = pytest.mark.usefixtures("as_meshed")
+
 TURN = Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix()
 SIZES = [2 ** (step / 2) for step in range(-2, 3)]
 
