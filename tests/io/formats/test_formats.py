@@ -346,6 +346,13 @@ class TestTrickyFiles:
         assert read_mesh(put(tmp_path, "m.xyz", "0 0 0\n1 2 3\n")).notes == ()
         assert read_mesh(put(tmp_path, "m.xyz", "0 0 0 7\n1 2 3 8\n")).notes == mesh.notes
 
+    def test_npy_with_normals(self, tmp_path: Path) -> None:
+        points = np.arange(24.0).reshape(4, 6)
+        np.save(tmp_path / "p.npy", points)
+        mesh = read_mesh(tmp_path / "p.npy")
+        np.testing.assert_array_equal(mesh.vertices, points[:, :3])
+        assert mesh.notes == ("columns after the third left out",)
+
     def test_npy_of_numbers_that_float64_has_not(self, tmp_path: Path) -> None:
         np.save(tmp_path / "p.npy", np.full((2, 3), np.finfo(np.longdouble).max))
         with pytest.raises(MeshError, match="vertex 0 is at") if LONG else nullcontext():

@@ -28,7 +28,7 @@ def read_xyz(data: bytes) -> Contents:
             raise misfit(f"point {index}", line.strip(), problem)
         rows.append(" ".join(words).replace(",", " ").split())
     widths = {len(row) for row in rows}
-    notes = ("columns after the third left out",) if max(widths) > 3 else ()
+    notes = _left_out(max(widths))
     points = positions(rows, "point")
     counted = np.arange(len(points)) + points[0, 0]
     if notes and len(points) >= _NO_CHANCE and (points[:, 0] == counted).all():
@@ -36,15 +36,19 @@ def read_xyz(data: bytes) -> Contents:
     return Contents(points, NO_FACES, notes)
 
 
+def _left_out(n_columns: int) -> tuple[str, ...]:
+    return ("columns after the third left out",) if n_columns > 3 else ()
+
+
 def read_npy(data: bytes) -> Contents:
-    """Read an (n, 3) array of numbers; never a pickle."""
+    """Read an (n, 3) array of numbers, or one with normals or colours after; never a pickle."""
     points = read_array(data)
-    if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "fiu":
+    if points.ndim != 2 or points.shape[1] < 3 or points.dtype.kind not in "fiu":
         raise FileError(
             f"holds an array of shape {points.shape} and type {points.dtype}, not (n, 3) numbers"
         )
     with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused later
-        return Contents(points.astype(np.float64), NO_FACES)
+        return Contents(points[:, :3].astype(np.float64), NO_FACES, _left_out(points.shape[1]))
 
 
 def write_xyz(file: BinaryIO, vertices: FloatArray, faces: IntArray) -> None:
