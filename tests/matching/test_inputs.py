@@ -190,6 +190,15 @@ def test_points_on_faces_are_the_same_points_on_the_mesh_s_own(
     assert not {7, 81, 82} & set(own.tolist())  # which are no faces, or there already
 
 
+def test_long_edges_of_whole_shapes_alone_are_split(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_inputs, "_LONGEST", 0.1)
+    ball = make_sphere(1)
+    half = Mesh(ball.vertices, ball.faces[40:], name="half")
+    assert len(prepare_shape(ball, 10).shape.faces) == 4 * 80
+    with heard():  # of unused vertices
+        assert len(prepare_shape(half, 10).shape.faces) == 40
+
+
 def test_a_map_between_vertices_in_use_becomes_one_between_all() -> None:
     mesh = _with_odds()
     with pytest.warns(UnbendWarning):

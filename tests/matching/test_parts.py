@@ -47,14 +47,10 @@ def _truth() -> IntArray:
     return rest_map(_source(), _target())
 
 
-@pytest.fixture
-def _as_meshed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Split no edges of coarse sheets."""
-    monkeypatch.setattr(_inputs, "_LONGEST", np.inf)
-
-
-@pytest.mark.usefixtures("_as_meshed")
-def test_the_registration_keeps_what_is_beyond_the_rim_out() -> None:
+def test_the_registration_keeps_what_is_beyond_the_rim_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(_inputs, "_LONGEST", np.inf)  # vertices of bodies are those of shapes
     # From the truth, of a body and the same one without an arm, the truth stays.
     body = _source().mesh
     torn = keep(body, _source().labels != _source().parts.index("left_arm"))
@@ -85,7 +81,6 @@ def test_the_registration_keeps_what_is_beyond_the_rim_out() -> None:
     assert off[both].mean() < 0.01
 
 
-@pytest.mark.usefixtures("_as_meshed")
 def test_what_lands_on_a_rim_does_not_pull() -> None:
     ours, theirs = (prepare_shape(make_sheet(side), 20, partial=True).shape for side in (9, 12))
     apart = np.linalg.norm(ours.vertices[:, None] - theirs.vertices, axis=2)
@@ -102,7 +97,6 @@ def test_what_lands_on_a_rim_does_not_pull() -> None:
         np.testing.assert_array_equal(one.overlap[:, 0], ~goal.on_boundary[way])
 
 
-@pytest.mark.usefixtures("_as_meshed")
 def test_a_pull_is_over_no_less_than_an_edge_if_either_is_a_part() -> None:
     fine, coarse = (prepare_shape(make_sheet(side), 10, partial=True).shape for side in (13, 7))
     data_weights = (1.0, 10.0, 3000.0, 9000.0)
@@ -117,7 +111,6 @@ def test_a_pull_is_over_no_less_than_an_edge_if_either_is_a_part() -> None:
     assert limited(*whole, data_weights) == data_weights
 
 
-@pytest.mark.usefixtures("_as_meshed")
 @pytest.mark.parametrize("size", [1.0, 1.3])
 def test_how_far_something_is_beyond_a_rim(size: float) -> None:
     """Of a square, and one that is drawn larger around it; in the smaller one's unit."""
@@ -139,7 +132,6 @@ def test_how_far_something_is_beyond_a_rim(size: float) -> None:
     np.testing.assert_allclose(found[:, 0], expected, atol=1e-9)
 
 
-@pytest.mark.usefixtures("_as_meshed")
 @pytest.mark.parametrize("part_first", [False, True])
 @pytest.mark.parametrize("both", [False, True])
 def test_what_is_beyond_the_rim_in_the_end_has_no_partner(part_first: bool, both: bool) -> None:

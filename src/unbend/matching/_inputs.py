@@ -16,11 +16,12 @@ from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.errors import InputError, MeshError, heard, warn
 from unbend.io import MeshLike, as_mesh
 from unbend.matching import _constants as constants
-from unbend.matching._shape import Shape, make_shape
+from unbend.matching._shape import Shape, longest_piece, make_shape
 from unbend.mesh import (
     Mesh,
     face_normals,
     find_components,
+    find_edges,
     orient_consistently,
     outwardness,
     vertex_areas,
@@ -164,14 +165,16 @@ def _check_points(cloud: Mesh) -> _Checked:
 
 
 def _without_long_edges(given: _Checked) -> _Checked:
-    """Split long edges of a mesh most of whose area they surround."""
-    mesh, longest = given.surface.mesh, _LONGEST * np.sqrt(given.surface.area)
+    """Split long edges if they surround most of the area of a whole shape; parts get no better."""
+    mesh, size = given.surface.mesh, np.sqrt(given.surface.area)
     corners = mesh.vertices[given.faces]
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     areas = np.linalg.norm(face_normals(mesh.vertices, given.faces), axis=1)
-    if areas[sides > longest].sum() < areas.sum() / 2:
+    edges = find_edges(given.faces, mesh.n_vertices)
+    rim = longest_piece(mesh.vertices, edges.ends[edges.n_faces == 1])
+    if areas[sides > _LONGEST * size].sum() < areas.sum() / 2 or rim > constants.PATCH * size:
         return given
-    found = refine(mesh.vertices, given.faces, longest)
+    found = refine(mesh.vertices, given.faces, _LONGEST * size)
     with heard():  # all was told of the mesh itself
         surface = make_surface(Mesh(found.vertices, found.faces, name=mesh.name))
     return given._replace(

@@ -74,7 +74,7 @@ def match(
     ----------
     source, target : mesh-like
         Anything :func:`unbend.as_mesh` accepts, open or closed, but not with one side only.
-        Faces are oriented consistently and outward. Long edges of a coarse mesh are split within
+        Faces are oriented consistently and outward. Long edges of coarse whole shapes are split in
         the matcher. A surface is reconstructed for a point cloud, and outliers get no partner, -1.
         The vertex counts, units, and positions in space may differ. Of several components the
         largest is matched; the vertices of the others take the partner of the nearest vertex of

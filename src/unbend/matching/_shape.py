@@ -216,10 +216,16 @@ def make_shape(
         basis=np.ascontiguousarray(eigenfunctions[:, 1:]),
         partial=partial,
     )
-    start, end, _ = shape.boundary_edges.T
+    longest = longest_piece(points, shape.boundary_edges[:, :2])
+    return shape if longest > constants.PATCH else replace(shape, partial=False)
+
+
+def longest_piece(points: FloatArray, edges: IntArray) -> float:
+    """Length of the longest connected piece of edges (e, 2)."""
+    start, end = edges.T
     lengths = np.linalg.norm(points[start] - points[end], axis=1)
     pieces = np.bincount(label_linked((start, end), len(points))[start], lengths)
-    return shape if pieces.max(initial=0) > constants.PATCH else replace(shape, partial=False)
+    return float(pieces.max(initial=0))
 
 
 class Proxy(NamedTuple):
