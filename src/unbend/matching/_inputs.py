@@ -19,9 +19,9 @@ from unbend.matching import _constants as constants
 from unbend.matching._shape import Shape, longest_piece, make_shape
 from unbend.mesh import (
     Mesh,
-    face_normals,
     find_components,
     find_edges,
+    measure_corners,
     orient_consistently,
     outwardness,
     vertex_areas,
@@ -46,7 +46,7 @@ class Input(NamedTuple):
     the nearest vertex of `shape`; -1 at vertices that no face uses, and at outliers.
     """
 
-    surface: Surface  # its largest component, or that of points; checked, without long edges
+    surface: Surface  # its largest component, or that of points; checked, split where coarse
     shape: Shape  # the same, as the matcher takes it
     kept: IntArray  # (k,) the mesh's vertex, or nearest point, that each of the first of `shape` is
     representatives: IntArray  # (n,) what stands for each vertex of the mesh
@@ -167,12 +167,11 @@ def _check_points(cloud: Mesh) -> _Checked:
 def _without_long_edges(given: _Checked) -> _Checked:
     """Split long edges if they surround most of the area of a whole shape; parts get no better."""
     mesh, size = given.surface.mesh, np.sqrt(given.surface.area)
-    corners = mesh.vertices[given.faces]
-    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    areas = np.linalg.norm(face_normals(mesh.vertices, given.faces), axis=1)
+    _, squares, areas = measure_corners(mesh.vertices, given.faces)
+    if areas[squares.max(axis=1) > (_LONGEST * size) ** 2].sum() < areas.sum() / 2:
+        return given
     edges = find_edges(given.faces, mesh.n_vertices)
-    rim = longest_piece(mesh.vertices, edges.ends[edges.n_faces == 1])
-    if areas[sides > _LONGEST * size].sum() < areas.sum() / 2 or rim > constants.PATCH * size:
+    if longest_piece(mesh.vertices, edges.ends[edges.n_faces == 1]) > constants.PATCH * size:
         return given
     found = refine(mesh.vertices, given.faces, _LONGEST * size)
     with heard():  # all was told of the mesh itself

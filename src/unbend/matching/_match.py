@@ -9,7 +9,6 @@ from typing import Any, get_args
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from unbend._arrays import array_of, check_choice, check_whole, first_largest, snap
 from unbend._parallel import one_blas_thread, run_all
@@ -315,8 +314,11 @@ def _landmark_hints(
         if len(hints) == _MOST_HINTS or not nearly_as_good(other, ranks[0]):
             break
         around = source.shape.averaged(source.shape.areas * far, source.shape.detail)
-        place = source.shape.vertices[first_largest(snap(around))]
-        hints.append(int(ours.kept[cKDTree(ours.shape.vertices[: len(ours.kept)]).query(place)[1]]))
+        off = (
+            ours.shape.vertices[: len(ours.kept)]
+            - source.shape.vertices[first_largest(snap(around))]
+        )
+        hints.append(int(ours.kept[np.linalg.norm(off, axis=1).argmin()]))
     return tuple(dict.fromkeys(hints))
 
 
