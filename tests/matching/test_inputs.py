@@ -199,6 +199,16 @@ def test_long_edges_of_whole_shapes_alone_are_split(monkeypatch: pytest.MonkeyPa
         assert len(prepare_shape(half, 10).shape.faces) == 40
 
 
+def test_a_small_hole_does_not_keep_long_edges(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_inputs, "_LONGEST", 0.05)
+    ball = make_sphere(2)
+    middle = ball.vertices[ball.faces[0]].mean(axis=0)
+    a, b, c = ball.faces[0]
+    around = [(a, b, ball.n_vertices), (b, c, ball.n_vertices)]  # a third of the face is missing
+    holed = Mesh(np.vstack([ball.vertices, middle]), np.vstack([ball.faces[1:], around]))
+    assert len(prepare_shape(holed, 10).shape.faces) > 3 * holed.n_faces
+
+
 def test_a_map_between_vertices_in_use_becomes_one_between_all() -> None:
     mesh = _with_odds()
     with pytest.warns(UnbendWarning):

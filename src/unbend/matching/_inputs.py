@@ -165,13 +165,16 @@ def _check_points(cloud: Mesh) -> _Checked:
 
 
 def _without_long_edges(given: _Checked) -> _Checked:
-    """Split long edges if they surround most of the area of a whole shape; parts get no better."""
+    """Split long edges if they surround most of the area of a whole shape; parts get no better.
+
+    A shape counts as whole if no rim is longer than `LIMB`; a missing face leaves a shorter one.
+    """
     mesh, size = given.surface.mesh, np.sqrt(given.surface.area)
     _, squares, areas = measure_corners(mesh.vertices, given.faces)
     if areas[squares.max(axis=1) > (_LONGEST * size) ** 2].sum() < areas.sum() / 2:
         return given
     edges = find_edges(given.faces, mesh.n_vertices)
-    if longest_piece(mesh.vertices, edges.ends[edges.n_faces == 1]) > constants.PATCH * size:
+    if longest_piece(mesh.vertices, edges.ends[edges.n_faces == 1]) > constants.LIMB * size:
         return given
     found = refine(mesh.vertices, given.faces, _LONGEST * size)
     with heard():  # all was told of the mesh itself
