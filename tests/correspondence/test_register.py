@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from animals import dog
 from testshapes.damage import cut_discs, damaged_truth
 from testshapes.scanning import add_components, sample_points, seen_from
-from unbend import Match, Mesh, register
+from unbend import Match, Mesh, morph, register
 from unbend._types import IntArray
 from unbend.datasets import make_quadruped, make_sphere, rest_map
 from unbend.deformation import closest_faces
@@ -307,12 +307,15 @@ def test_a_template_of_four_vertices_comes_to_lie_on_the_scan() -> None:
     np.testing.assert_allclose(np.linalg.norm(found.mesh.vertices, axis=1), 1, atol=0.05)
 
 
-def test_a_reflection_fits_the_template_inside_out_with_a_warning() -> None:
+def test_a_reflection_turns_the_source_inside_out_with_a_warning() -> None:
     ball = make_sphere(1)
     image = (ball.vertices * [-1, 1, 1], ball.faces[:, ::-1])
     every = np.arange(ball.n_vertices)
-    with pytest.warns(UnbendWarning, match="is fitted inside out: mirror it"):
-        register(ball, image, Match(every, every, np.eye(1), -1.0, 0.0, 1.0))
+    reflection = Match(every, every, np.eye(1), -1.0, 0.0, 1.0)
+    with pytest.warns(UnbendWarning, match="is turned inside out: mirror it"):
+        register(ball, image, reflection)
+    with pytest.warns(UnbendWarning, match="is turned inside out: mirror it"):
+        morph(ball, image, reflection, 0.5)
 
 
 def test_what_does_not_fit(moebius_strip: Mesh) -> None:

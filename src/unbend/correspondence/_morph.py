@@ -13,7 +13,7 @@ from unbend._arrays import is_number, sum_rows
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.alignment import nearest_rotation, procrustes
 from unbend.correspondence._fitting import carried, in_unmatched_components, joined
-from unbend.correspondence._transfer import positions_on_target
+from unbend.correspondence._transfer import positions_on_target, warn_of_match
 from unbend.deformation import ElasticSurface
 from unbend.errors import InputError, warn
 from unbend.io import MeshLike, as_mesh
@@ -63,7 +63,8 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
     Warns
     -----
     UnbendWarning
-        If one shape is more than five times as large as the other, unless `t` is 0 or 1.
+        Of a match that is in disorder or a reflection, see :class:`unbend.Match`; and if one shape
+        is more than five times as large as the other, unless `t` is 0 or 1.
 
     Notes
     -----
@@ -89,6 +90,7 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
     source, target = as_mesh(source), as_mesh(target)
     if not is_number(t) or not np.isfinite(t):
         raise InputError(f"t must be a finite number, not {t!r}")
+    warn_of_match(match, source)
     goal = positions_on_target(match, target, source)
     name = f"{source.name} to {target.name} at {t:g}"
     if t == 0:

@@ -12,11 +12,11 @@ from unbend._display import confidence_told
 from unbend._types import BoolArray, FloatArray, IntArray, Progress, StrPath
 from unbend.correspondence._fitting import Fit
 from unbend.correspondence._projection import make_target
-from unbend.correspondence._transfer import as_point_map, positions_on_target
+from unbend.correspondence._transfer import as_point_map, positions_on_target, warn_of_match
 from unbend.deformation import ElasticSurface
-from unbend.errors import InputError, MeshError, warn
+from unbend.errors import InputError, MeshError
 from unbend.io import COLOR_SUFFIXES, SCALAR_SUFFIXES, MeshLike, as_mesh, value_colors, write_mesh
-from unbend.matching import Match, warn_of_disorder
+from unbend.matching import Match
 from unbend.matching import match as find_match
 from unbend.mesh import (
     Mesh,
@@ -129,13 +129,8 @@ def register(
     if match is None:
         scan = surface_of_points(scan).mesh if scan.is_point_cloud else scan
         match = find_match(template, scan, barycentric=True, progress=progress)
-    elif isinstance(match, Match):
-        warn_of_disorder(match)
-        if match.orientation < 0:
-            warn(
-                f"the map is a reflection, so {template.name} is fitted inside out: mirror it "
-                "(negate x and turn its faces), and match again without allow_mirror"
-            )
+    else:
+        warn_of_match(match, template)
     goal = positions_on_target(match, scan, template)
     images = as_point_map(match)
     if scan.is_point_cloud:

@@ -181,6 +181,17 @@ def transfer_landmarks(
     return named[there].tolist(), kept
 
 
+def warn_of_match(match: Match | npt.ArrayLike, source: Mesh) -> None:
+    """Warn of a match that a source cannot follow: one in disorder, or a reflection."""
+    if isinstance(match, Match):
+        warn_of_disorder(match)
+        if match.orientation < 0:
+            warn(
+                f"the map is a reflection, so {source.name} is turned inside out: mirror it "
+                "(negate x and turn its faces), and match again without allow_mirror"
+            )
+
+
 def positions_on_target(
     match: Match | npt.ArrayLike, target: Mesh, source: Mesh | None = None
 ) -> FloatArray:
