@@ -10,42 +10,27 @@ from typing import Any, get_args
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import array_of, check_choice, check_whole, first_largest, snap
+from unbend._arrays import array_of, check_choice, check_whole
 from unbend._parallel import one_blas_thread, run_all
-from unbend._types import BoolArray, FloatArray, IntArray, Progress
+from unbend._types import FloatArray, IntArray, Progress
 from unbend.choices import Partial
-from unbend.deformation import closest_faces
 from unbend.errors import InputError, warn
 from unbend.io import MeshLike
 from unbend.matching import _constants as constants
-from unbend.matching._inputs import Input, expand, expand_rows, prepare_shape, prepare_shapes
-from unbend.matching._plan import (
-    MEDIUM,
-    Sides,
-    candidates,
-    differences,
-    make_sides,
-    onto_mirror_image,
+from unbend.matching._inputs import Input, prepare_shape, prepare_shapes
+from unbend.matching._outcome import (
+    as_taken,
+    below_vertices,
+    landmark_hints,
+    make_match,
+    vertex_images,
 )
+from unbend.matching._plan import Sides, candidates, differences, make_sides, onto_mirror_image
 from unbend.matching._polish import exact, refined, reranked, with_partners, without_extras
-from unbend.matching._registration import Registered, landing_places, spectral_residual
-from unbend.matching._result import Hypothesis, Match, warn_of_disorder
-from unbend.matching._score import (
-    Candidate,
-    alike_share,
-    confidence_bound,
-    disorder,
-    expected_errors,
-    lead_shares,
-    nearly_as_good,
-    plausibility,
-    ranked,
-    roundness_bound,
-)
-from unbend.matching._shape import Shape
+from unbend.matching._result import Match, warn_of_disorder
+from unbend.matching._score import Candidate, lead_shares, ranked, roundness_bound
 
 _N_EIGENPAIRS, _LEAST_EIGENPAIRS = 30, 4
-_MOST_HINTS = 3  # places where a landmark would help
 
 
 @one_blas_thread()
@@ -193,17 +178,17 @@ def match(
         order = [i, *range(i), *range(i + 1, len(found))]
         ranks = [found[j] for j in order]
         apart = differences(sides, ranks)
-        result = _result(ours, theirs, sides, chosen, ranks, shares[order], apart, most)
-        result = replace(result, landmark_hints=_landmark_hints(ours, sides, ranks, apart))
+        result = make_match(ours, theirs, sides, chosen, ranks, shares[order], apart, most)
+        result = replace(result, landmark_hints=landmark_hints(ours, sides, ranks, apart))
         if barycentric and theirs.own_faces is not None:
-            result = _below_vertices(result, ours, theirs, chosen)
+            result = below_vertices(result, ours, theirs, chosen)
         results.append(result)
         tell("refine", (i + 1) / min(n_matches, len(found)))
     result = replace(results[0], alternatives=tuple(results[1:]))
     if mirrored:
         turned, fine = reranked(sides, turned, polish=refine)
         other = finished(without_extras(sides, turned, torn)[0], fine)
-        images = _images(ours, _as_taken(theirs, other), other.registered)
+        images = vertex_images(ours, as_taken(theirs, other), other.registered)
         result = replace(result, mirrored=images)
     for row in result.missed_landmarks:
         one, other = pairs[row]
@@ -270,7 +255,7 @@ def symmetry(
     found, fine = reranked(sides, found, polish=refine)
     tell("refine", 1.0)
     shares, apart = _lead_shares(found, sides), differences(sides, found)
-    return _result(one, one, sides, exact(sides, fine[found[0]]), found, shares, apart)
+    return make_match(one, one, sides, exact(sides, fine[found[0]]), found, shares, apart)
 
 
 def check_partial(partial: str) -> None:
@@ -304,116 +289,5 @@ def _bound_by_roundness(ours: Input, theirs: Input) -> float:
     return most
 
 
-def _landmark_hints(
-    ours: Input, sides: Sides, ranks: Sequence[Candidate], apart: FloatArray
-) -> tuple[int, ...]:
-    """Source vertices around which the first candidate and others nearly as good differ most."""
-    source = sides.source.proxies[MEDIUM]
-    hints: list[int] = []
-    for other, far in zip(ranks[1:], apart[1:], strict=True):
-        if len(hints) == _MOST_HINTS or not nearly_as_good(other, ranks[0]):
-            break
-        around = source.shape.averaged(source.shape.areas * far, source.shape.detail)
-        off = (
-            ours.shape.vertices[: len(ours.kept)]
-            - source.shape.vertices[first_largest(snap(around))]
-        )
-        hints.append(int(ours.kept[np.linalg.norm(off, axis=1).argmin()]))
-    return tuple(dict.fromkeys(hints))
-
-
 def _lead_shares(found: Sequence[Candidate], sides: Sides) -> FloatArray:
     return lead_shares(np.array([one.cost for one in found]), sides.partial)
-
-
-def _result(
-    ours: Input,
-    theirs: Input,
-    sides: Sides,
-    chosen: Candidate,
-    ranks: Sequence[Candidate],
-    shares: FloatArray,
-    apart: FloatArray,
-    most: float = 1.0,
-) -> Match:
-    left, right, registered = ours.shape, theirs.shape, chosen.registered
-    source = sides.source.proxies[MEDIUM]
-    areas = source.shape.areas * ranks[0].registered.source.overlap
-    means = apart @ areas / max(areas.sum(), np.finfo(float).tiny)
-    there, back = registered.source.overlap, registered.target.overlap
-    in_disorder = disorder(left, right, chosen)
-    bound = confidence_bound(in_disorder)
-    plausible = min(plausibility(ranks[0].energy, in_disorder), most)
-    elsewhere = (shares @ apart)[source.parents]
-    errors = expected_errors(left, right, chosen, elsewhere, 1 - min(plausible, bound))
-    return Match(
-        source_to_target=_images(ours, _as_taken(theirs, chosen), registered),
-        target_to_source=_images(_as_taken(theirs, chosen), ours, registered.back()),
-        functional_map=_functional_map(left, right, registered.forward, left.areas * there),
-        orientation=_orientation(chosen),
-        residual=spectral_residual(left, right, registered),
-        confidence=min(alike_share(shares, means) * plausible, bound),
-        overlap_source=_share(left, there),
-        overlap_target=_share(right, back),
-        confidence_bound=bound,
-        disorder=in_disorder,
-        hypotheses=tuple(
-            Hypothesis(one.energy, _orientation(one), mean)
-            for one, mean in zip(ranks, means.tolist(), strict=True)
-        ),
-        missed_landmarks=tuple(np.flatnonzero(chosen.missed).tolist()),
-        expected_error=expand_rows(errors, ours, np.nan) + ours.away,
-    )
-
-
-def _as_taken(target: Input, chosen: Candidate) -> Input:
-    return target._replace(shape=target.shape.reflected()) if chosen.reflected else target
-
-
-def _images(source: Input, target: Input, found: Registered) -> IntArray:
-    """Vertices (n,) of the target's mesh that vertices of the source's have as partners, or -1."""
-    images, own = found.forward.copy(), len(target.kept)
-    split = images >= own  # partners within long edges and large faces
-    if split.any():
-        landing, places = landing_places(source.shape, target.shape, found)
-        shape = target.shape
-        faces, _ = closest_faces(landing[split], places, shape.faces, shape.fans, images[split])
-        corners = target.own_corners[faces]
-        off = np.linalg.norm(places[corners] - landing[split, None], axis=2)
-        images[split] = np.take_along_axis(corners, off.argmin(axis=1)[:, None], axis=1)[:, 0]
-    return expand(images, found.source.overlap, source, target)
-
-
-def _functional_map(
-    source: Shape, target: Shape, forward: IntArray, areas: FloatArray
-) -> FloatArray:
-    """Functional map of a point map, the constant function first."""
-    k = min(source.k, target.k)
-    carried = target.basis[forward, :k]
-    carried *= areas[:, None]
-    basis = source.basis[:, :k]
-    return np.block(
-        [[areas.sum(), carried.sum(axis=0)], [(basis.T @ areas)[:, None], basis.T @ carried]]
-    )
-
-
-def _share(shape: Shape, overlap: BoolArray) -> float:
-    return 1.0 if overlap.all() else float(shape.areas @ overlap)
-
-
-def _below_vertices(result: Match, ours: Input, theirs: Input, chosen: Candidate) -> Match:
-    """Add where each source vertex falls within a face of the target."""
-    registered = chosen.registered
-    landing = landing_places(ours.shape, _as_taken(theirs, chosen).shape, registered)
-    faces, weights = theirs.on_own_faces(
-        *closest_faces(*landing, theirs.shape.faces, theirs.shape.fans, registered.forward)
-    )
-    faces = np.where(registered.source.overlap, faces, -1)
-    weights = np.where(registered.source.overlap[:, None], weights, np.nan)
-    return replace(
-        result, faces=expand_rows(faces, ours, -1), weights=expand_rows(weights, ours, np.nan)
-    )
-
-
-def _orientation(one: Candidate) -> float:
-    return -one.orientation if one.reflected else one.orientation

@@ -1,0 +1,139 @@
+"""From the best candidates to a match of the meshes' vertices."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from unbend._arrays import first_largest, snap
+from unbend._types import BoolArray, FloatArray, IntArray
+from unbend.deformation import closest_faces
+from unbend.matching._inputs import Input, expand, expand_rows
+from unbend.matching._plan import MEDIUM, Sides
+from unbend.matching._registration import Registered, landing_places, spectral_residual
+from unbend.matching._result import Hypothesis, Match
+from unbend.matching._score import (
+    Candidate,
+    alike_share,
+    confidence_bound,
+    disorder,
+    expected_errors,
+    nearly_as_good,
+    plausibility,
+)
+from unbend.matching._shape import Shape
+
+_MOST_HINTS = 3  # places where a landmark would help
+
+
+def make_match(
+    ours: Input,
+    theirs: Input,
+    sides: Sides,
+    chosen: Candidate,
+    ranks: Sequence[Candidate],
+    shares: FloatArray,
+    apart: FloatArray,
+    most: float = 1.0,
+) -> Match:
+    left, right, registered = ours.shape, theirs.shape, chosen.registered
+    source = sides.source.proxies[MEDIUM]
+    areas = source.shape.areas * ranks[0].registered.source.overlap
+    means = apart @ areas / max(areas.sum(), np.finfo(float).tiny)
+    there, back = registered.source.overlap, registered.target.overlap
+    in_disorder = disorder(left, right, chosen)
+    bound = confidence_bound(in_disorder)
+    plausible = min(plausibility(ranks[0].energy, in_disorder), most)
+    elsewhere = (shares @ apart)[source.parents]
+    errors = expected_errors(left, right, chosen, elsewhere, 1 - min(plausible, bound))
+    return Match(
+        source_to_target=vertex_images(ours, as_taken(theirs, chosen), registered),
+        target_to_source=vertex_images(as_taken(theirs, chosen), ours, registered.back()),
+        functional_map=_functional_map(left, right, registered.forward, left.areas * there),
+        orientation=_orientation(chosen),
+        residual=spectral_residual(left, right, registered),
+        confidence=min(alike_share(shares, means) * plausible, bound),
+        overlap_source=_share(left, there),
+        overlap_target=_share(right, back),
+        confidence_bound=bound,
+        disorder=in_disorder,
+        hypotheses=tuple(
+            Hypothesis(one.energy, _orientation(one), mean)
+            for one, mean in zip(ranks, means.tolist(), strict=True)
+        ),
+        missed_landmarks=tuple(np.flatnonzero(chosen.missed).tolist()),
+        expected_error=expand_rows(errors, ours, np.nan) + ours.away,
+    )
+
+
+def landmark_hints(
+    ours: Input, sides: Sides, ranks: Sequence[Candidate], apart: FloatArray
+) -> tuple[int, ...]:
+    """Source vertices around which the first candidate and others nearly as good differ most."""
+    source = sides.source.proxies[MEDIUM]
+    hints: list[int] = []
+    for other, far in zip(ranks[1:], apart[1:], strict=True):
+        if len(hints) == _MOST_HINTS or not nearly_as_good(other, ranks[0]):
+            break
+        around = source.shape.averaged(source.shape.areas * far, source.shape.detail)
+        off = (
+            ours.shape.vertices[: len(ours.kept)]
+            - source.shape.vertices[first_largest(snap(around))]
+        )
+        hints.append(int(ours.kept[np.linalg.norm(off, axis=1).argmin()]))
+    return tuple(dict.fromkeys(hints))
+
+
+def below_vertices(result: Match, ours: Input, theirs: Input, chosen: Candidate) -> Match:
+    """Add where each source vertex falls within a face of the target."""
+    registered = chosen.registered
+    landing = landing_places(ours.shape, as_taken(theirs, chosen).shape, registered)
+    faces, weights = theirs.on_own_faces(
+        *closest_faces(*landing, theirs.shape.faces, theirs.shape.fans, registered.forward)
+    )
+    faces = np.where(registered.source.overlap, faces, -1)
+    weights = np.where(registered.source.overlap[:, None], weights, np.nan)
+    return replace(
+        result, faces=expand_rows(faces, ours, -1), weights=expand_rows(weights, ours, np.nan)
+    )
+
+
+def vertex_images(source: Input, target: Input, found: Registered) -> IntArray:
+    """Vertices (n,) of the target's mesh that vertices of the source's have as partners, or -1."""
+    images, own = found.forward.copy(), len(target.kept)
+    split = images >= own  # partners within long edges and large faces
+    if split.any():
+        landing, places = landing_places(source.shape, target.shape, found)
+        shape = target.shape
+        faces, _ = closest_faces(landing[split], places, shape.faces, shape.fans, images[split])
+        corners = target.own_corners[faces]
+        off = np.linalg.norm(places[corners] - landing[split, None], axis=2)
+        images[split] = np.take_along_axis(corners, off.argmin(axis=1)[:, None], axis=1)[:, 0]
+    return expand(images, found.source.overlap, source, target)
+
+
+def as_taken(target: Input, chosen: Candidate) -> Input:
+    return target._replace(shape=target.shape.reflected()) if chosen.reflected else target
+
+
+def _functional_map(
+    source: Shape, target: Shape, forward: IntArray, areas: FloatArray
+) -> FloatArray:
+    """Functional map of a point map, the constant function first."""
+    k = min(source.k, target.k)
+    carried = target.basis[forward, :k]
+    carried *= areas[:, None]
+    basis = source.basis[:, :k]
+    return np.block(
+        [[areas.sum(), carried.sum(axis=0)], [(basis.T @ areas)[:, None], basis.T @ carried]]
+    )
+
+
+def _share(shape: Shape, overlap: BoolArray) -> float:
+    return 1.0 if overlap.all() else float(shape.areas @ overlap)
+
+
+def _orientation(one: Candidate) -> float:
+    return -one.orientation if one.reflected else one.orientation
