@@ -81,6 +81,9 @@ def test_a_coarse_mesh_is_matched_as_well_as_a_fine_one() -> None:
         assert found.confidence > 0.9
         there = np.einsum("ij,ijk->ik", found.weights, target.vertices[target.faces[found.faces]])
         assert np.linalg.norm(there - source.vertices, axis=1).mean() < 0.1
+        # Errors include the way to the next vertex, however far that is.
+        away = np.linalg.norm(target.vertices[found.source_to_target] - source.vertices, axis=1)
+        assert (found.expected_error * np.sqrt(vertex_areas(target).sum()) > away).mean() > 0.8
 
 
 def test_symmetric_shape_and_its_mirror_image() -> None:

@@ -48,9 +48,13 @@ def make_match(
     plausible = min(plausibility(ranks[0].energy, in_disorder), most)
     elsewhere = (shares @ apart)[source.parents]
     errors = expected_errors(left, right, chosen, elsewhere, 1 - min(plausible, bound))
+    taken = as_taken(theirs, chosen)
+    partners = _own_partners(ours, taken, registered)
+    # Beyond what the matcher knows, the next vertex of a coarse mesh may be far.
+    errors += np.linalg.norm(right.vertices[registered.forward] - right.vertices[partners], axis=1)
     return Match(
-        source_to_target=vertex_images(ours, as_taken(theirs, chosen), registered),
-        target_to_source=vertex_images(as_taken(theirs, chosen), ours, registered.back()),
+        source_to_target=expand(partners, there, ours, theirs),
+        target_to_source=vertex_images(taken, ours, registered.back()),
         functional_map=_functional_map(left, right, registered.forward, left.areas * there),
         orientation=_orientation(chosen),
         residual=spectral_residual(left, right, registered),
@@ -102,16 +106,21 @@ def below_vertices(result: Match, ours: Input, theirs: Input, chosen: Candidate)
 
 def vertex_images(source: Input, target: Input, found: Registered) -> IntArray:
     """Vertices (n,) of the target's mesh that vertices of the source's have as partners, or -1."""
-    images, own = found.forward.copy(), len(target.kept)
-    split = images >= own  # partners within long edges and large faces
+    return expand(_own_partners(source, target, found), found.source.overlap, source, target)
+
+
+def _own_partners(source: Input, target: Input, found: Registered) -> IntArray:
+    """Partners that are vertices of the target's mesh; within a face, its corner nearest there."""
+    partners = found.forward.copy()
+    split = partners >= len(target.kept)
     if split.any():
         landing, places = landing_places(source.shape, target.shape, found)
         shape = target.shape
-        faces, _ = closest_faces(landing[split], places, shape.faces, shape.fans, images[split])
+        faces, _ = closest_faces(landing[split], places, shape.faces, shape.fans, partners[split])
         corners = target.own_corners[faces]
         off = np.linalg.norm(places[corners] - landing[split, None], axis=2)
-        images[split] = np.take_along_axis(corners, off.argmin(axis=1)[:, None], axis=1)[:, 0]
-    return expand(images, found.source.overlap, source, target)
+        partners[split] = np.take_along_axis(corners, off.argmin(axis=1)[:, None], axis=1)[:, 0]
+    return partners
 
 
 def as_taken(target: Input, chosen: Candidate) -> Input:
