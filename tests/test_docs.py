@@ -93,6 +93,24 @@ def test_python_on_a_page_runs_from_top_to_bottom(page, folder, here):
             exec(compiled, known)
 
 
+def test_change_between_two_visits_is_measured_where_both_scans_have_a_surface(folder):
+    """Scans have holes, and repeat faces: neither may end or falsify the measurement."""
+    (code,) = (one for one in blocks(DOCS / "scans.md", "python") if "change.ply" in one)
+    egg = make_egg(3)
+    places = egg.vertices * [10, 16, 25]
+    places += [2, 0, 0] * np.sin(places[:, 2:] / 10)
+    loose = len(places)
+    first = np.vstack([places, [0, 30, 0]])
+    write_mesh("visit1.stl", (first, [*egg.faces, [0, 1, loose], [1, 0, loose]]))
+    end = places[:, 2] > 15
+    write_mesh("visit2.stl", (places + 2, egg.faces[~end[egg.faces].any(axis=1)]))
+    known = {}
+    exec(code, known)
+    beyond = known["first"].vertices[:, 2] > 17
+    assert np.isnan(known["change"][beyond]).all()
+    assert np.abs(known["change"][known["first"].vertices[:, 2] < 10]).max() < 0.05
+
+
 @pytest.mark.parametrize(
     "page", [ROOT / "README.md", DOCS / "first-steps.md"], ids=lambda one: one.stem
 )
