@@ -23,6 +23,7 @@ from terminal import invoke
 from unbend import Mesh, write_mesh
 from unbend.cli import app
 from unbend.collection import _collection, _engine
+from unbend.datasets import make_sphere
 from unbend.io import write_markups
 
 ROOT = Path(__file__).parents[1]
@@ -109,6 +110,18 @@ def test_change_between_two_visits_is_measured_where_both_scans_have_a_surface(f
     beyond = known["first"].vertices[:, 2] > 17
     assert np.isnan(known["change"][beyond]).all()
     assert np.abs(known["change"][known["first"].vertices[:, 2] < 10]).max() < 0.05
+
+
+def test_a_girth_is_that_of_a_tape(capsys):
+    (code,) = (one for one in blocks(DOCS / "scans.md", "python") if "def girth" in one)
+    ball = make_sphere(4)
+    limb = Mesh(
+        ball.vertices * [50, 50, 200], ball.faces[ball.vertices[ball.faces[:, 0], 0] < 0.98]
+    )
+    exec(code, {"np": np, "first": limb, "second": limb, "places": limb.vertices})
+    level, first, second = np.loadtxt(capsys.readouterr().out.splitlines()).T
+    truth = 100 * np.pi * np.sqrt(1 - (level / 200) ** 2)
+    np.testing.assert_allclose([first, second], [truth, truth], rtol=0.01)
 
 
 @pytest.mark.parametrize(
