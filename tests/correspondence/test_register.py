@@ -276,6 +276,23 @@ def test_parts_without_a_partner_stay_where_they_belong(matched: bool) -> None:
         assert np.linalg.norm(found[middle] - center) < 0.5 * rest.mean()
 
 
+def test_a_part_of_more_vertices_than_the_matched_body_goes_along() -> None:
+    ball, scan = make_sphere(5), _scan().mesh
+    button = _template().mesh.vertices[17] + 0.02 * ball.vertices
+    template = Mesh(
+        np.vstack([_template().mesh.vertices, button]),
+        np.vstack([_template().mesh.faces, ball.faces + N]),
+    )
+    assert ball.n_vertices > N
+    images = np.append(_truth(), np.full(len(button), -1))
+    back = np.zeros(scan.n_vertices, dtype=np.int64)
+    found = register(template, scan, Match(images, back, np.eye(1), 1.0, 0.0, 1.0)).mesh.vertices
+    size = np.ptp(found[:N], axis=0).max() / np.ptp(template.vertices[:N], axis=0).max()
+    radii = np.linalg.norm(found[N:] - found[N:].mean(axis=0), axis=1)
+    np.testing.assert_allclose(radii, 0.02 * size, rtol=0.25)
+    assert np.linalg.norm(found[N:].mean(axis=0) - found[17]) < 0.02 * size
+
+
 @pytest.mark.parametrize("radius", [0, 1e-9])
 def test_a_speck_goes_along(radius: float) -> None:
     # Surfaces of CT scans have them: components whose vertices lie in one place, or nearly.

@@ -197,10 +197,10 @@ def positions_on_target(
 ) -> FloatArray:
     """Where each source vertex lies on the target, (n_source, 3), NaN where there is no image.
 
-    Smaller components of the source have none in a match: their partners are those of what is
-    nearest to them, where they would fall together. Barycentric coordinates are used where the
-    match has them. Raises InputError if the match does not fit the meshes, or its barycentric
-    coordinates do not sum to one.
+    In a match, only the largest component of the source that has partners has images: the partners
+    of smaller ones are those of what is nearest to them, where they would fall together.
+    Barycentric coordinates are used where the match has them. Raises InputError if the match does
+    not fit the meshes, or its barycentric coordinates do not sum to one.
     """
     images = as_point_map(match, source, target)
     positions = np.where(images[:, None] >= 0, target.vertices[images], np.nan)
@@ -227,8 +227,9 @@ def positions_on_target(
         positions[there] = np.einsum("ij,ijk->ik", weights, corners)
     if isinstance(match, Match) and source is not None:
         whole, number = join_seams(source)
-        of_vertex = find_components(whole.faces, whole.n_vertices).of_vertex
-        positions[of_vertex[number] > 0] = np.nan
+        of_vertex = find_components(whole.faces, whole.n_vertices).of_vertex[number]
+        chosen = of_vertex[(images >= 0) & (of_vertex >= 0)].min(initial=source.n_vertices)
+        positions[of_vertex > chosen] = np.nan
     return positions
 
 
