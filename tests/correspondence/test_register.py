@@ -293,6 +293,17 @@ def test_a_part_of_more_vertices_than_the_matched_body_goes_along() -> None:
     assert np.linalg.norm(found[N:].mean(axis=0) - found[17]) < 0.02 * size
 
 
+def test_a_loose_part_does_not_hold_back_the_body_that_it_follows() -> None:
+    """A ring around two legs, near which they do not stay."""
+    body, scan = _template().mesh, _posed().mesh
+    feet = body.vertices[body.vertices[:, 1] < np.quantile(body.vertices[:, 1], 0.2)]
+    ring = make_sphere(3).vertices * np.ptp(feet, axis=0) * [0.6, 0.3, 0.6] + feet.mean(axis=0)
+    template = np.vstack([body.vertices, ring]), np.vstack([body.faces, make_sphere(3).faces + N])
+    found = register(template, scan, np.append(EVERY, np.full(len(ring), -1)))
+    off = np.linalg.norm(found.mesh.vertices[:N] - scan.vertices, axis=1)
+    assert off.max() < mean_edge(scan)
+
+
 @pytest.mark.parametrize("radius", [0, 1e-9])
 def test_a_speck_goes_along(radius: float) -> None:
     # Surfaces of CT scans have them: components whose vertices lie in one place, or nearly.

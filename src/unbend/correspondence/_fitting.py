@@ -14,7 +14,7 @@ from scipy.spatial.distance import cdist
 
 from unbend._parallel import slices
 from unbend._types import BoolArray, FloatArray, IntArray, Progress, SparseMatrix
-from unbend.alignment import procrustes
+from unbend.alignment import nearest_rotation, procrustes
 from unbend.correspondence._projection import (
     Projection,
     Target,
@@ -32,7 +32,12 @@ _RIGID, _FIRM, _SOFT = 0.06, 0.03, 0.02
 _MATCH_STEPS, _CLOSEST_STEPS = 12, 30
 _PATCH = 0.15  # length in sqrt(area) over which sizes are averaged
 _BOTH_WAYS = 0.3  # edges of balance down to which the target pulls too, which fills extremities
+# Weight of every vertex's position after a rigid motion, without which no system has one solution.
+TIE = 1e-5
+_RIGID_WEIGHT = 1e-6  # of the rigid motion's rotation, against that of a neighbourhood
+_IMAGE_WEIGHT = 1e3  # of the images while vertices without one follow
 _JOINT = 1.0  # weight of an edge that joins a component without a partner, such as an eyeball
+_LOOSE = 1e-6  # the same while the others are fitted, which it must not hold back
 _MOMENTUM = 0.7  # closest points are sought ahead of a step, which speeds up a slow slide
 _HOLD = 1.0  # pull of every vertex to where it is, in 1 / area: no system is singular then
 _NORMAL_WEIGHT = 2.0  # lengths of balance that a difference of normals of one counts as
@@ -59,7 +64,7 @@ class Fit:
         matched: BoolArray,
     ) -> None:
         self.unmatched = in_unmatched_components(surface.faces, matched)
-        surface = self.surface = joined(surface, self.unmatched)
+        surface = self.surface = joined(surface, self.unmatched, _LOOSE)
         self.matched = matched
         self.goal = np.where(matched[:, None], goal, 0.0)
         self.own = make_target(surface.vertices, surface.faces)
@@ -104,6 +109,18 @@ class Fit:
             self._step(length, force, pull)
             if progress is not None:
                 progress("register", (i + 1) / _CLOSEST_STEPS)
+        if self.unmatched.any():
+            rotation, _ = procrustes(
+                self.surface.vertices[self.matched], self.places[self.matched], reflect=False
+            )
+            self.places = extended(
+                joined(self.surface, self.unmatched),
+                self.places,
+                ~self.unmatched,
+                rotation,
+                self.sizes,
+            )
+            self.rotations = self.surface.fit_rotations(self.places)
         self.ahead = self.places
 
     def project(self, length: float) -> Projection:
@@ -227,15 +244,39 @@ def in_unmatched_components(faces: IntArray, matched: BoolArray) -> BoolArray:
     return np.asarray(~np.isin(parts, parts[matched]))
 
 
-def joined(surface: ElasticSurface, unmatched: BoolArray) -> ElasticSurface:
+def joined(surface: ElasticSurface, unmatched: BoolArray, weight: float = _JOINT) -> ElasticSurface:
     """Join components without a match to the nearest of the others, which they then follow."""
     if not unmatched.any():
         return surface
     loose, others = np.flatnonzero(unmatched), np.flatnonzero(~unmatched)
     nearest = others[cKDTree(surface.vertices[others]).query(surface.vertices[loose])[1]]
     weights = surface.edge_weights
-    links = sp.csr_matrix((np.full(len(loose), _JOINT), (loose, nearest)), shape=weights.shape)
+    links = sp.csr_matrix((np.full(len(loose), weight), (loose, nearest)), shape=weights.shape)
     return surface.with_edge_weights(sp.csr_matrix(weights + links + links.T))
+
+
+def extended(
+    surface: ElasticSurface,
+    goal: FloatArray,
+    moving: BoolArray,
+    rotation: FloatArray,
+    size: FloatArray | float,
+) -> FloatArray:
+    """Move parts without an image like their neighbours, or rigidly, and keep their shape."""
+    used = surface.areas > 0
+    before, after = surface.vertices, np.where(used[:, None], goal, 0)
+    i, j = surface.edge_weights.nonzero()
+    edges, mask = before[j] - before[i], sp.diags(moving.astype(np.float64))
+    # Rotations of neighbourhoods with images spread to the others. With too few images, the rigid
+    # motion's rotation decides.
+    both_known = surface.with_edge_weights(sp.csr_matrix(mask @ surface.edge_weights @ mask))
+    cross = both_known.covariances(after) + _RIGID_WEIGHT * (edges**2).mean() * rotation.T
+    ties = np.where(moving, 1.0, TIE) / 2
+    spread = surface.system_of(ties).solve(ties[:, None] * cross.reshape(-1, 9))
+    turns = nearest_rotation(spread.reshape(-1, 3, 3).transpose(0, 2, 1))
+    ties = np.where(moving, _IMAGE_WEIGHT, TIE) / 2
+    moved = surface.fit_places(surface.system_of(ties), ties[:, None] * after, turns, size)
+    return np.where((used & ~moving)[:, None], moved, goal)
 
 
 def _nearest_partners(

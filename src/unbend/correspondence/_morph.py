@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from unbend._arrays import is_number, sum_rows
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.alignment import nearest_rotation, procrustes
-from unbend.correspondence._fitting import carried, in_unmatched_components, joined
+from unbend.correspondence._fitting import TIE, carried, extended, in_unmatched_components, joined
 from unbend.correspondence._transfer import positions_on_target, warn_of_match
 from unbend.deformation import ElasticSurface
 from unbend.errors import InputError, warn
@@ -25,10 +25,6 @@ _MOST_RATIO = 5  # of sizes in one unit: millimetres and centimetres seldom diff
 
 # Rotations are averaged over so many rings of neighbours, which hides the rounding to vertices.
 _AVERAGED_RINGS = 4
-# Weight of every vertex's position after a rigid motion, without which no system has one solution.
-_TIE = 1e-5
-_RIGID_WEIGHT = 1e-6  # of the rigid motion's rotation, against that of a neighbourhood
-_IMAGE_WEIGHT = 1e3  # of the images while vertices without one follow
 
 
 def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: float) -> Mesh:
@@ -109,7 +105,7 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
     if surface is not None and not moving.all():
         loose = in_unmatched_components(faces, moving) & (surface.areas > 0)
         surface = joined(surface, loose)
-        goal = _extended(surface, goal, moving, rotation, size)
+        goal = extended(surface, goal, moving, rotation, size)
     if t == 1:
         if surface is not None:
             _carry_unused(surface, start, goal, size, ~moving)
@@ -156,26 +152,6 @@ def _growth(start: FloatArray, goal: FloatArray, moving: BoolArray, faces: IntAr
     return after / before if before > 0 else 1.0
 
 
-def _extended(
-    surface: ElasticSurface, goal: FloatArray, moving: BoolArray, rotation: FloatArray, size: float
-) -> FloatArray:
-    """Move parts without an image like their neighbours, or rigidly, and keep their shape."""
-    used = surface.areas > 0
-    before, after = surface.vertices, np.where(used[:, None], goal, 0)
-    i, j = surface.edge_weights.nonzero()
-    edges, mask = before[j] - before[i], sp.diags(moving.astype(np.float64))
-    # Rotations of neighbourhoods with images spread to the others. With too few images, the rigid
-    # motion's rotation decides.
-    both_known = surface.with_edge_weights(sp.csr_matrix(mask @ surface.edge_weights @ mask))
-    cross = both_known.covariances(after) + _RIGID_WEIGHT * (edges**2).mean() * rotation.T
-    ties = np.where(moving, 1.0, _TIE) / 2
-    spread = surface.system_of(ties).solve(ties[:, None] * cross.reshape(-1, 9))
-    turns = nearest_rotation(spread.reshape(-1, 3, 3).transpose(0, 2, 1))
-    ties = np.where(moving, _IMAGE_WEIGHT, _TIE) / 2
-    moved = surface.fit_places(surface.system_of(ties), ties[:, None] * after, turns, size)
-    return np.where((used & ~moving)[:, None], moved, goal)
-
-
 def _carry_unused(
     surface: ElasticSurface, start: FloatArray, places: FloatArray, size: float, some: BoolArray
 ) -> None:
@@ -201,7 +177,7 @@ def _bend(surface: ElasticSurface, goal: FloatArray, straight: FloatArray, t: fl
     wanted = Rotation.from_rotvec(t * turns).apply(edges + t * (still - edges))
     pull = sum_rows(j, wanted, n) - sum_rows(i, wanted, n)
     line = np.where(used[:, None], straight, 0)
-    tie = _TIE * max(len(i) / n, 1.0)
+    tie = TIE * max(len(i) / n, 1.0)
     fitted = surface.system_of(np.full(n, tie / 2)).solve((pull + tie * line) / 2)
     return np.where(used[:, None], fitted, straight)
 
