@@ -124,6 +124,24 @@ def test_a_girth_is_that_of_a_tape(capsys):
     np.testing.assert_allclose([first, second], [truth, truth], rtol=0.01)
 
 
+def test_a_girth_of_registered_shapes_is_of_one_part_alone(folder, capsys):
+    (code,) = (one for one in blocks(DOCS / "statistics.md", "python") if "ConvexHull" in one)
+    ball = make_sphere(4)
+    n, mark = ball.n_vertices, 12
+    both = np.vstack(
+        [ball.vertices, ball.vertices + np.eye(3)[0] * 2.5]
+    )  # a trunk and an arm beside it
+    write_mesh("template.ply", (both, np.vstack([ball.faces, ball.faces + n])))
+    (folder / "registered").mkdir()
+    turned = both[:, [2, 0, 1]] * 3
+    np.save("registered/vertices.npy", [both, turned])
+    exec(code, {"np": np})
+    truth = 2 * np.pi * np.sqrt(1 - ball.vertices[mark, 1] ** 2)
+    np.testing.assert_allclose(
+        np.loadtxt(capsys.readouterr().out.splitlines()), [truth, 3 * truth], rtol=0.01
+    )
+
+
 @pytest.mark.parametrize(
     "page", [ROOT / "README.md", DOCS / "first-steps.md"], ids=lambda one: one.stem
 )
