@@ -94,15 +94,17 @@ def test_python_on_a_page_runs_from_top_to_bottom(page, folder, here):
             exec(compiled, known)
 
 
-def test_change_between_two_visits_is_measured_where_both_scans_have_a_surface(folder):
-    """Scans have holes and seams, and repeat faces."""
+@pytest.mark.parametrize("hand", [1, -1])
+def test_change_between_two_visits_is_measured_where_both_scans_have_a_surface(folder, hand):
+    """Scans have holes and seams, repeat faces, and may be inside out."""
     (code,) = (one for one in blocks(DOCS / "scans.md", "python") if "change.ply" in one)
     egg = make_egg(3)
     places = egg.vertices * [10, 16, 25]
     places += [2, 0, 0] * np.sin(places[:, 2:] / 10)
     loose = len(places)
     first = np.vstack([places, [0, 30, 0]])
-    write_mesh("visit1.stl", (first, [*egg.faces, [0, 1, loose], [1, 0, loose]]))
+    write_mesh("visit1.stl", (first, [*egg.faces[:, ::hand], [0, 1, loose], [1, 0, loose]]))
+    places[:, 2] -= places[:, 2] < -15
     end = places[:, 2] > 15
     faces = egg.faces[~end[egg.faces].any(axis=1)]
     faces[places[faces[:, 0], 0] > 0] += loose  # a seam
@@ -112,7 +114,8 @@ def test_change_between_two_visits_is_measured_where_both_scans_have_a_surface(f
     exec(code.replace("visit2.stl", "visit2.ply"), known)
     beyond = known["first"].vertices[:, 2] > 17
     assert np.isnan(known["change"][beyond]).all()
-    assert np.abs(known["change"][known["first"].vertices[:, 2] < 10]).max() < 0.05
+    assert np.abs(known["change"][np.abs(known["first"].vertices[:, 2]) < 10]).max() < 0.05
+    assert known["change"][known["first"].vertices[:, 2].argmin()] > 0.7
 
 
 def test_a_girth_is_that_of_a_tape(capsys):
