@@ -425,6 +425,19 @@ def test_similarity_sorts_and_tabulates(folder: Path, tmp_path: Path) -> None:
     assert done.stdout.splitlines()[1].startswith(str(shapes[0]))
 
 
+def test_similarity_warns_of_a_shape_once(tmp_path: Path) -> None:
+    egg = make_egg(2)
+    for name in "abc":
+        write_mesh(tmp_path / f"{name}.ply", (egg.vertices, egg.faces[:, ::-1]))
+    done = right("similarity", *(tmp_path / f"{name}.ply" for name in "abc"), "--matrix", "--json")
+    inward = [one for one in json.loads(done.stdout)["warnings"] if "oriented inward" in one]
+    assert [one.split(": its")[0] for one in inward] == [
+        "a.ply to b.ply: a.ply",
+        "a.ply to b.ply: b.ply",
+        "a.ply to c.ply: c.ply",
+    ]
+
+
 def test_similarity_of_shapes_meshed_apart(tmp_path: Path) -> None:
     for level in (2, 3):
         write_mesh(tmp_path / f"egg{level}.ply", make_egg(level))

@@ -74,6 +74,7 @@ def similarity(
     pairs: list[tuple[str, str, float, float | None]] = []
     square = [[1.0] * len(paths) for _ in paths]
     noted = list(shapes)
+    once: set[tuple[int, str]] = set()
     for i, j in itertools.combinations(range(len(paths)), 2):
         if i and not matrix:
             break
@@ -88,7 +89,10 @@ def similarity(
             with heard() as said:
                 given["match"] = unbend.match(shapes[i], shapes[j], progress=step)
             for one in said:
-                warn(f"{both}: {one}")
+                alone = {(k, one) for k in (i, j) if one.startswith(f"{shapes[k].name}: ")}
+                if not alone or alone - once:  # of one shape it is said with its first pair
+                    warn(f"{both}: {one}")
+                once |= alone
             given["areas"] = tuple(unbend.mesh.vertex_areas(shapes[k]) for k in (i, j))
             confidence = given["match"].confidence
             if matrix and is_doubtful(confidence):  # a matrix has values alone
