@@ -116,8 +116,8 @@ def test_other_meshes_in_folders_are_counted(folder: Path) -> None:
     with pytest.warns(UnbendWarning) as told:
         warn_of_others(["deep", "deep/er", "b.ply", "nothing"])
     assert [str(one.message) for one in told] == [
-        f"deep: left out 2 .glb files, 1 .vtu file; name them to add them, as in {example}",
-        f"deep/er: left out 1 .glb file; name them to add them, as in {example}",
+        f"deep: left out 2 .glb files, 1 .vtu file; name them to include them, as in {example}",
+        f"deep/er: left out 1 .glb file; name them to include them, as in {example}",
     ]
 
 

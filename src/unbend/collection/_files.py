@@ -72,7 +72,7 @@ def warn_of_others(given: Iterable[str]) -> None:
             example = os.path.join(os.path.dirname(path), f"*{Path(path).suffix}")
         if counts:
             kinds = ", ".join(plural(number, f"{one} file") for one, number in counts.items())
-            warn(f"{folder}: left out {kinds}; name them to add them, as in {quoted(example)}")
+            warn(f"{folder}: left out {kinds}; name them to include them, as in {quoted(example)}")
 
 
 def _walk(
