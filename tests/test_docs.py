@@ -24,7 +24,7 @@ from unbend import Mesh, write_mesh
 from unbend.cli import app
 from unbend.collection import _collection, _engine
 from unbend.datasets import make_sphere
-from unbend.io import write_markups
+from unbend.io import write_markups, write_values
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -70,6 +70,9 @@ def folder(tmp_path, monkeypatch):
     write_abaqus(tmp_path / "shells.inp", egg.vertices, "S3", egg.faces)
     write_abaqus(tmp_path / "solid.inp", inside, "C3D4", solid)
     np.save(tmp_path / "thickness.npy", np.ones(egg.n_vertices))
+    (tmp_path / "movie").mkdir()
+    for name in ("movie/frame_0.vtp", "movie/frame_1.vtp", "cells.vtp"):
+        write_values(tmp_path / name, np.ones(egg.n_vertices), body, names=["fluorescence"])
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
