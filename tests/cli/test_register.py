@@ -72,6 +72,9 @@ def test_it_tells_and_writes_what_came_out(folder: Path) -> None:
     assert note in done.stderr
     given[-1] = "out.vtp"
     assert " together in ParaView; its colours" in run(*given).stdout
+    write_map("same.npy", np.arange(600))
+    run("register", *2 * ["template.ply"], "--map", "same.npy", "-o", "o.ply", "--report", "p.html")
+    assert "by distance from the scan</option>" in Path("p.html").read_text("utf-8")
 
 
 def test_it_matches_where_no_map_is_given(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -79,7 +79,8 @@ def register(
         covered = f"{found.coverage:.1%} of the template's area, within {reach}"
         confidence = output.confidence_of(found)
         note = f"On the scan: {covered} in the scan's unit; confidence {confidence}."
-        looks: Any = {"label": f"distance from the scan, up to {reach}", "note": note, "up": up}
+        cut = f", up to {reach}" if (found.distances > found.tolerance).any() else ""
+        looks: Any = {"label": f"distance from the scan{cut}", "note": note, "up": up}
         looks["values"] = found.distances.clip(max=found.tolerance)
         unbend.report.view(found.mesh, shapes[1], path=report, **looks)
     one = _numbers(paths[0], out, found)
