@@ -46,8 +46,9 @@ def make_match(
     in_disorder = disorder(left, right, chosen)
     bound = confidence_bound(in_disorder)
     plausible = min(plausibility(ranks[0].energy, in_disorder), most)
+    confidence = min(alike_share(shares, means) * plausible, bound)
     elsewhere = (shares @ apart)[source.parents]
-    errors = expected_errors(left, right, chosen, elsewhere, 1 - min(plausible, bound))
+    errors = expected_errors(left, right, chosen, elsewhere, 1 - confidence)
     taken = as_taken(theirs, chosen)
     partners = _own_partners(ours, taken, registered)
     # Beyond what the matcher knows, the next vertex of a coarse mesh may be far.
@@ -58,7 +59,7 @@ def make_match(
         functional_map=_functional_map(left, right, registered.forward, left.areas * there),
         orientation=_orientation(chosen),
         residual=spectral_residual(left, right, registered),
-        confidence=min(alike_share(shares, means) * plausible, bound),
+        confidence=confidence,
         overlap_source=_share(left, there),
         overlap_target=_share(right, back),
         confidence_bound=bound,

@@ -131,7 +131,7 @@ def expected_errors(
 
     They grow with the gap to the partner, added up over both poses, with what a patch's shape
     leaves unexplained, with how far other maps that may be right lead ``elsewhere`` (n,), and with
-    the ``doubt`` whether any is right.
+    the ``doubt`` in the map, one less its confidence.
     """
     gap, unlike, other, none = constants.EXPECTED_ERROR
     target = target.reflected() if found.reflected else target
