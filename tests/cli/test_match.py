@@ -215,6 +215,8 @@ def test_a_map_in_disorder_is_said_by_whatever_uses_it(folder: Path, tmp_path: P
     assert told["orientation"] == "84% of the surface right side out"
     assert told["confidence"] == "0.10 (limited to 0.10 by errors of the final map)"
     assert told["overlap"] == "100% of the source's area, 100% of the target's"
+    told = summary([source().mesh, target().mesh], replace(poor, confidence_bound=0.997), 1.0)
+    assert told["confidence"] == "0.10"  # not "limited to 1.00"
 
 
 def test_doubt_is_said(capsys: pytest.CaptureFixture[str]) -> None:
@@ -233,6 +235,8 @@ def test_doubt_is_said(capsys: pytest.CaptureFixture[str]) -> None:
     assert "--report" not in capsys.readouterr().err
     warn_if_doubtful(replace(poor, confidence_bound=0.5))
     assert "(confidence 0.59): the final map is in disorder" in capsys.readouterr().err
+    warn_if_doubtful(replace(poor, confidence_bound=0.9))
+    assert "disorder" not in capsys.readouterr().err  # which would still allow 0.9
     warn_if_doubtful(replace(poor, overlap_target=0.8))
     assert capsys.readouterr().err.endswith(
         ", or with --partial none if neither shape lacks a part\n"

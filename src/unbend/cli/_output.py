@@ -110,7 +110,7 @@ def warn_if_doubtful(match: unbend.Match, *, seen: bool = False) -> None:
     reason = "the shapes may differ too much, or be symmetric"
     if match.landmark_hints:
         reason = "another map is nearly as good, as for symmetric shapes or small parts"
-    elif match.confidence_bound < 1:
+    elif is_doubtful(match.confidence_bound):
         reason = "the final map is in disorder"
     look = "on the page" if seen else "with unbend match --report"
     where = where_landmarks_help(match.landmark_hints)

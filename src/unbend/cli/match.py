@@ -209,7 +209,7 @@ def summary(shapes: list[unbend.Mesh], found: unbend.Match, seconds: float) -> d
     matched, all_of_it = int((found.source_to_target >= 0).sum()), len(found.source_to_target)
     count = f"{matched:,}" if matched == all_of_it else f"{matched:,} of {all_of_it:,}"
     trust = f"{found.confidence:.2f}"
-    if found.confidence_bound < 1:
+    if round(found.confidence_bound, 2) < 1:
         trust += f" (limited to {found.confidence_bound:.2f} by errors of the final map)"
     side = "unclear which side is out"
     if abs(found.orientation) >= _CLEAR_SIDE:
