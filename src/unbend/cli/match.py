@@ -164,7 +164,8 @@ def symmetry(
     """Find the left-right symmetry of a shape, in any pose: the mirror partner of each vertex.
 
     The confidence is that of a match of the shape to its mirror image, so it is also high for a
-    roughly symmetric shape, such as a bone.
+    roughly symmetric shape, such as a bone, and may be for a map that exchanges back and belly
+    instead, as of an insect: look at the page.
 
       refine: Refine the map on the full mesh.
       figure: Draw the shape twice, mirror partners in one colour (.png, .pdf, .svg).
