@@ -102,8 +102,8 @@ def test_what_uses_a_match_in_disorder_says_so() -> None:
         transfer(np.arange(25.0), poor, target=sheet)
     with pytest.warns(UnbendWarning, match="part of the map is wrong"):
         register(sheet, sheet, poor)
-    good = replace(poor, confidence_bound=1.0)
-    transfer(np.arange(25.0), good, target=sheet)
+    for bound in (1.0, 0.999):  # not "at most 1.00"
+        transfer(np.arange(25.0), replace(poor, confidence_bound=bound), target=sheet)
 
 
 def test_expected_errors_grow_with_gaps_with_other_maps_and_with_doubt(sheet: Shape) -> None:

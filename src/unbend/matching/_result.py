@@ -156,7 +156,7 @@ class Match:
 
 def warn_of_disorder(match: Match) -> None:
     """Warn of a map that cannot be right everywhere."""
-    if match.confidence_bound < 1:
+    if round(match.confidence_bound, 2) < 1:
         warn(
             "part of the map is wrong: in places it turns the surface inside out, crowds it "
             f"together or is not cycle-consistent (orientation {match.orientation:+.2f}, "
