@@ -13,6 +13,7 @@ from unbend.errors import FileError, InputError, UnbendWarning
 from unbend.io import read_mesh, write_mesh
 from unbend.io._meshes import READ_SUFFIXES
 from unbend.io._writing import WRITE_SUFFIXES
+from unbend.mesh import vertex_areas
 
 FACE_SUFFIXES = (".off", ".obj", ".ply")  # those that keep vertices and faces exactly
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.1]], dtype=np.float64)
@@ -73,7 +74,11 @@ class TestRoundTrip:
         mesh = Mesh(corners.reshape(-1, 3), np.arange(corners.size // 3).reshape(-1, 3))
         write_mesh(tmp_path / "m.stl", mesh)
         back = read_mesh(tmp_path / "m.stl")
-        np.testing.assert_array_equal(back.vertices[back.faces], corners)
+        if len(back.notes) == 1:
+            np.testing.assert_array_equal(back.vertices[back.faces], corners)
+        else:  # edges were divided where corners of others lie on them
+            assert back.n_faces > mesh.n_faces
+            np.testing.assert_allclose(vertex_areas(back).sum(), vertex_areas(mesh).sum())
         assert len(np.unique(back.vertices, axis=0)) == back.n_vertices
         assert "welded" in back.notes[0]
 

@@ -19,6 +19,7 @@ from unbend.io.formats.contents import (
     positions,
     weld,
 )
+from unbend.io.formats.junctions import divide_at_junctions
 
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _HEADER = 84  # bytes: 80 of free text and the number of triangles
@@ -48,8 +49,13 @@ def read(data: bytes) -> Contents:
         f"{plural(len(kept), 'vertex')} where their positions are equal (STL does not store "
         "vertices)"
     )
-    notes = (welded, *left_out(n_unread, "byte", "triangle"))
-    return Contents(corners[kept], faces.reshape(-1, 3), notes)
+    divided, n_divided = divide_at_junctions(corners[kept], faces.reshape(-1, 3))
+    notes = [welded, *left_out(n_unread, "byte", "triangle")]
+    if n_divided:
+        where = "corners of other triangles that lie on " + ("it" if n_divided == 1 else "them")
+        now = plural(len(divided), "triangle")
+        notes.append(f"{plural(n_divided, 'edge')} divided at {where}, to close slits: {now}")
+    return Contents(corners[kept], divided, tuple(notes))
 
 
 def extras(data: bytes) -> list[str]:
