@@ -131,7 +131,9 @@ def test_no_terminal_is_too_narrow_for_numbers(
     monkeypatch.setenv("COLUMNS", columns)
     write_mesh("t.off", (VERTICES, FACES))
     out = check("t.off")[1]
-    assert "edge length     1 / 1.21 / 1.41  min / median / max; divide long ones to match" in out
+    assert (
+        "edge length     1 / 1.21 / 1.41  min / median / max; divide long ones to register" in out
+    )
     write_mesh("ball.off", make_sphere(2))
     assert "divide" not in check("ball.off")[1]
 

@@ -107,7 +107,8 @@ def _details(shape: unbend.Mesh, health: unbend.preparation.Diagnosis) -> list[s
         several = f"matches the largest; else needs --component largest (vertices: {sizes})"
         loops = "1 loop" if health.boundary_loops == 1 else f"{health.boundary_loops:,} loops"
         boundary = "closed" if health.closed else f"keeps them ({loops})"
-        long = "; divide long ones to match" if health.edge_max > health.area**0.5 / 2 else ""
+        is_long = health.edge_max > health.area**0.5 / 2
+        long = "; divide long ones to register" if is_long else ""
         lines += [
             ("faces", f"{health.n_faces:,}", ""),
             ("components", f"{health.n_components:,}", "" if health.n_components == 1 else several),

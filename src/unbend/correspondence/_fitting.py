@@ -93,7 +93,7 @@ class Fit:
         return float(np.linalg.norm(self.places[i] - self.places[j], axis=1).mean())
 
     def run(self, progress: Progress | None) -> None:
-        """Follow the match, then closest points."""
+        """Follow the match, then closest points; components without a match follow the others."""
         pull = self.surface.areas * self.matched
         for length in np.geomspace(_RIGID, _FIRM, _MATCH_STEPS):
             self._step(length, pull[:, None] * self.goal, pull)
