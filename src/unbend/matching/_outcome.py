@@ -38,6 +38,11 @@ def make_match(
     apart: FloatArray,
     most: float = 1.0,
 ) -> Match:
+    """Describe the finished map, and how far to trust it beside the candidates in ``ranks``.
+
+    ``shares`` (r,) are their probabilities, ``apart`` (r, n) how far from the first they lead, and
+    ``most`` is the highest confidence.
+    """
     left, right, registered = ours.shape, theirs.shape, chosen.registered
     source = sides.source.proxies[MEDIUM]
     areas = source.shape.areas * ranks[0].registered.source.overlap
@@ -125,6 +130,7 @@ def _own_partners(source: Input, target: Input, found: Registered) -> IntArray:
 
 
 def as_taken(target: Input, chosen: Candidate) -> Input:
+    """Take the target as a candidate does: as it is, or as its mirror image."""
     return target._replace(shape=target.shape.reflected()) if chosen.reflected else target
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import chain
 
 import numpy as np
+from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from unbend._types import FloatArray, IntArray
@@ -67,13 +68,11 @@ def _junctions(points: FloatArray, faces: IntArray) -> tuple[IntArray, IntArray,
     far, away = offsets(row, corners)
     within = (away <= beside) & (far > apart) & (lengths[row] - far > apart)
     row, corners, far = row[within], corners[within], far[within]
-    # Boundary edges from these corners: does one run along the side?
-    tails, heads = np.append(start, end), np.append(end, start)
-    order = np.argsort(tails, kind="stable")
-    low, high = (np.searchsorted(tails[order], corners, side) for side in ("left", "right"))
-    number = np.repeat(np.arange(len(corners)), high - low)
-    place = np.arange(len(number)) - np.repeat(np.cumsum(high - low) - high, high - low)
-    _, away = offsets(row[number], heads[order][place])
+    # Does one of the boundary edges from these corners run along the side, too?
+    ends = np.append(start, end), np.append(end, start)
+    joined = csr_array((np.ones(2 * len(sides)), ends), shape=(len(points), len(points)))
+    number, others = joined[corners].nonzero()
+    _, away = offsets(row[number], others)
     runs = np.bincount(number, away <= beside, len(corners)) > 0
     row = row[runs]
     return sides[row], corners[runs], far[runs] / lengths[row]
