@@ -87,7 +87,7 @@ def test_all_shapes_have_the_templates_vertices_and_faces(made: Path) -> None:
         np.testing.assert_array_equal(mesh.vertices, points)
     size = np.ptp(TEMPLATE.vertices)
     np.testing.assert_allclose(vertices[0], TEMPLATE.vertices, atol=1e-6 * size)
-    np.testing.assert_allclose(vertices[1], TEMPLATE.vertices @ TURN.T + 3, atol=1e-3 * size)
+    np.testing.assert_allclose(vertices[1], TEMPLATE.vertices @ TURN.T + 3, atol=1e-4 * size)
 
 
 def test_tables_agree_with_the_array(made: Path) -> None:
@@ -202,7 +202,7 @@ def test_new_landmarks_register_a_shape_again_and_only_that_and_stay_until_other
     assert collection.register(out / "template.obj", out, landmarks=without, workers=0).skipped == 2
     assert len(np.load(result)["landmarks"]) == 0
     expected = TEMPLATE.vertices @ TURN.T + 3
-    np.testing.assert_allclose(np.load(out / "vertices.npy")[1], expected, atol=1e-3)
+    np.testing.assert_allclose(np.load(out / "vertices.npy")[1], expected, atol=4e-4)
     hints[permuted] = [(0, N)]
     done = collection.register(out / "template.obj", out, **options)
     assert [Path(one.path).name for one in done.failures] == ["permuted.ply", "points.ply"]
