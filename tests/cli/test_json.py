@@ -56,8 +56,8 @@ FITTED = {
     "scans": [
         {
             "scan": str, "also": [str], "file": str, "n_vertices": int, "n_covered": int,
-            "coverage": NUMBER, "tolerance": NUMBER, "distance_covered": SPREAD,
-            "distance_all": SPREAD, "confidence": MAYBE,
+            "coverage": NUMBER, "scan_coverage": NUMBER, "tolerance": NUMBER,
+            "distance_covered": SPREAD, "distance_all": SPREAD, "confidence": MAYBE,
         }
     ],
     "failed": FAILED,
@@ -148,8 +148,8 @@ SCHEMA: dict[str, dict[str, Any]] = {
         "shapes": [
             {
                 "name": str, "path": str, "file": str, "confidence": NUMBER, "coverage": NUMBER,
-                "mean_distance": NUMBER, "distance_95": NUMBER, "warnings": [str],
-                "also": [str], "doubtful": bool,
+                "scan_coverage": NUMBER, "mean_distance": NUMBER, "distance_95": NUMBER,
+                "warnings": [str], "also": [str], "doubtful": bool,
             }
         ],
     },

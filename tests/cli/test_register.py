@@ -58,9 +58,11 @@ def test_it_tells_and_writes_what_came_out(folder: Path) -> None:
     assert "; confidence not estimated.</p>" in html
     assert f"by distance from the scan, up to {told['tolerance']:.3g}</option>" in html
     assert rows[0].startswith(f"covered          {told['coverage']:.1%} of the area, within ")
-    assert rows[1].startswith("distance there   mean ")
-    assert " in the scan's unit (" in rows[1]
-    assert rows[3] == "confidence       not estimated"
+    reached = f"{told['scan_coverage']:.1%} of its area"
+    assert rows[1] == f"scan covered     {reached}, within a mean edge"
+    assert rows[2].startswith("distance there   mean ")
+    assert " in the scan's unit (" in rows[2]
+    assert rows[4] == "confidence       not estimated"
     assert run(*given).stdout.splitlines()[-1] == (
         "next: open out.ply and scan.ply together in MeshLab or Blender; its colours are the "
         "distance from the scan"

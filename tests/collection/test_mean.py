@@ -44,7 +44,7 @@ def registered(mesh, confidence=0.9, coverage=1.0, name=None):
     """A registration along the truth, so that only what is made of it is tested."""
     nothing = np.zeros(mesh.n_vertices)
     mesh = Mesh(mesh.vertices, mesh.faces, name=name or mesh.name)
-    return Registration(mesh, nothing, nothing > 0, coverage, 1.0, confidence)
+    return Registration(mesh, nothing, nothing > 0, coverage, 1.0, 1.0, confidence)
 
 
 def test_who_does_not_match_is_left_out_and_listed(blob, shapes):

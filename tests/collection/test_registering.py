@@ -104,6 +104,7 @@ def test_tables_agree_with_the_array(made: Path) -> None:
     for row, one in zip(rows(out), found, strict=False):
         assert float(row["confidence"]) == one.confidence
         assert float(row["coverage"]) == one.coverage
+        assert float(row["scan_coverage"]) == one.scan_coverage
         assert float(row["mean_distance"]) == pytest.approx(np.nanmean(one.distances))
         assert row["status"] == ("doubtful" if round(one.confidence, 2) < 0.6 else "registered")
     (failure,) = failures

@@ -15,6 +15,7 @@ from unbend._types import IntArray
 from unbend.datasets import make_quadruped, make_sphere, rest_map
 from unbend.deformation import closest_faces
 from unbend.errors import InputError, MeshError, UnbendWarning
+from unbend.mesh import vertex_areas
 
 # Vertices of a template, and of a scan of another pose.
 N, M = 1000, 1200
@@ -291,6 +292,17 @@ def test_a_part_of_more_vertices_than_the_matched_body_goes_along() -> None:
     radii = np.linalg.norm(found[N:] - found[N:].mean(axis=0), axis=1)
     np.testing.assert_allclose(radii, 0.02 * size, rtol=0.25)
     assert np.linalg.norm(found[N:].mean(axis=0) - found[17]) < 0.02 * size
+
+
+def test_what_the_template_lacks_of_the_scan_is_told() -> None:
+    body, scan = _template().mesh, _posed().mesh
+    kept = body.vertices[:, 0] < np.quantile(body.vertices[:, 0], 0.85)
+    faces = body.faces[kept[body.faces].all(axis=1)]
+    areas = vertex_areas(scan)
+    found = register((body.vertices, faces), scan, np.where(kept, EVERY, -1))
+    assert found.coverage == 1
+    assert found.scan_coverage == pytest.approx(areas[kept].sum() / areas.sum(), abs=0.03)
+    assert register(body, scan, EVERY).scan_coverage == 1
 
 
 def test_a_loose_part_does_not_hold_back_the_body_that_it_follows() -> None:

@@ -86,6 +86,7 @@ def register(
     one = _numbers(paths[0], out, found)
     lines = {
         "covered": f"{found.coverage:.1%} of the area, within {found.tolerance:.3g}",
+        "scan covered": f"{found.scan_coverage:.1%} of its area, within a mean edge",
         "distance there": _in_words(one["distance_covered"]),
         "distance of all": _in_words(one["distance_all"]),
         "confidence": output.confidence_of(found),
@@ -109,14 +110,14 @@ def tell_registered(
     """Tell how registering many shapes went, the least confident last, where they are seen."""
     if done.shapes and os.path.exists(template):  # not a shape of a collection by its id
         output.what_to_keep(os.path.join(out, f"*{Path(done.shapes[0].file).suffix}"), template)
-    lines = [("shape", "confidence", "covered", "mean distance", "95% within", "")]
+    lines = [("shape", "confidence", "covered", "scan covered", "mean distance", "95% within", "")]
     for one in sorted(done.shapes, key=lambda one: -one.confidence):
-        numbers = f"{one.confidence:.2f}", f"{one.coverage:.1%}"
+        numbers = f"{one.confidence:.2f}", f"{one.coverage:.1%}", f"{one.scan_coverage:.1%}"
         distances = f"{one.mean_distance:.3g}", f"{one.distance_95:.3g}"
         lines.append(
             (output.shown_shape(one), *numbers, *distances, "doubtful" if one.doubtful else "")
         )
-    lines += [(output.shown(one.path), "-", "-", "-", "-", "failed") for one in done.failures]
+    lines += [(output.shown(one.path), "-", "-", "-", "-", "-", "failed") for one in done.failures]
     doubtful = [one for one in done.shapes if one.doubtful]
     counts = f"registered {done.registered:,}, there before {done.skipped:,}"
     failed = f"failed {len(done.failures):,} ({done.seconds:.1f} s)"
@@ -129,7 +130,7 @@ def tell_registered(
         )
     output.tell(
         result,
-        [*output.table("<>>>><", *lines), "", f"{counts}, {failed}; doubtful {len(doubtful):,}"],
+        [*output.table("<>>>>><", *lines), "", f"{counts}, {failed}; doubtful {len(doubtful):,}"],
         written=[out],
         next_step=hint if done.shapes else None,
         failures=done.failures,
@@ -156,7 +157,7 @@ def _numbers(
         "file": file,
         "n_vertices": found.mesh.n_vertices,
         "n_covered": int(found.covered.sum()),
-        **output.fields_of(found, "coverage", "tolerance"),
+        **output.fields_of(found, "coverage", "scan_coverage", "tolerance"),
         "distance_covered": spread(found.distances[found.covered]),
         "distance_all": spread(found.distances),
         "confidence": found.confidence,

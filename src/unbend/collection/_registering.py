@@ -50,7 +50,7 @@ from unbend.mesh import Mesh
 _TABLE = "shapes.csv"
 _KEPT_FORMATS = (".ply", ".obj", ".off", ".vtp", ".glb")  # .stl does not keep the order of vertices
 _DAMAGED = (OSError, ValueError, KeyError, BadZipFile)  # what reading them may raise
-_FIELDS = ("distances", "covered", "coverage", "tolerance", "confidence")
+_FIELDS = ("distances", "covered", "coverage", "scan_coverage", "tolerance", "confidence")
 _NONE = np.empty((0, 2), dtype=np.int64)  # landmarks
 
 
@@ -276,8 +276,9 @@ def _write_tables(
             if part.stat().st_mtime < began:  # of a run that was killed, not of one beside this
                 part.unlink()
     shapes: list[RegisteredShape] = []
-    head = "shape", "path", "file", "confidence", "coverage", "mean_distance", "distance_95"
-    lines: list[Iterable[object]] = [(*head, "status", "warnings", "also")]
+    head = "shape", "path", "file", "confidence", "coverage", "scan_coverage"
+    spread = "mean_distance", "distance_95"
+    lines: list[Iterable[object]] = [(*head, *spread, "status", "warnings", "also")]
     with atomic_write(folder / "vertices.npy") as file:
         shape = len(tasks), template.n_vertices, 3
         header = {"descr": "<f8", "fortran_order": False, "shape": shape}
@@ -287,8 +288,8 @@ def _write_tables(
             file.write(found.mesh.vertices.astype("<f8").tobytes())
             distances = found.distances[np.isfinite(found.distances)]
             middle, most = float(distances.mean()), float(np.quantile(distances, 0.95))
-            numbers = float(found.confidence), float(found.coverage), middle, most
-            known = task.result.stem, task.name, task.mesh.name, *numbers
+            shares = float(found.confidence), float(found.coverage), float(found.scan_coverage)
+            known = task.result.stem, task.name, task.mesh.name, *shares, middle, most
             also = task.shape.also
             shapes.append(RegisteredShape(*known, said, also))
             status = "doubtful" if shapes[-1].doubtful else "registered"
@@ -302,7 +303,7 @@ def _write_tables(
     columns = "shape", "vertex", "x", "y", "z"
     write_table(folder / "vertices.csv", itertools.chain([columns], places))
     for bad in failures:
-        lines.append((Path(bad.path).stem, bad.path, *[""] * 5, f"failed: {bad.reason}", "", ""))
+        lines.append((Path(bad.path).stem, bad.path, *[""] * 6, f"failed: {bad.reason}", "", ""))
     write_table(table, lines)
     return tuple(shapes)
 

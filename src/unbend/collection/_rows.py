@@ -129,7 +129,7 @@ class RegisteredShape:
     ----------
     name, path, file : str
         A unique name, the shape's file, and the name of the mesh that was written.
-    confidence, coverage : float
+    confidence, coverage, scan_coverage : float
         See :class:`unbend.correspondence.Registration`.
     mean_distance, distance_95 : float
         Mean and 95 % quantile of the vertices' distances from the shape, in its unit.
@@ -144,6 +144,7 @@ class RegisteredShape:
     file: str
     confidence: float
     coverage: float
+    scan_coverage: float
     mean_distance: float
     distance_95: float
     warnings: tuple[str, ...]

@@ -147,6 +147,14 @@ class Fit:
         covered = [one.valid & (one.distances <= tolerance) for one in (closest, followed)]
         return closest.distances, covered[0] | covered[1]
 
+    def target_coverage(self) -> float:
+        """Share of the target's area that lies within an edge of the surface."""
+        normals = self._normals(self.places)
+        own = self.own._replace(vertices=self.places, normals=normals)
+        found = project_anywhere(own, self.target.vertices, self.target.normals, slack=self.edge)
+        near = found.valid & (found.distances <= self.edge)
+        return float(np.average(near, weights=self.weights))
+
     def carried(self, points: FloatArray) -> FloatArray:
         """Move points (m, 3) as the surface around them was moved."""
         turns = self.sizes[:, None, None] * self.rotations

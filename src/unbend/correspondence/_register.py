@@ -46,6 +46,9 @@ class Registration:
         Whether a vertex lies on the scan: within `tolerance`, and not where the scan ends.
     coverage : float
         Share of the area of `mesh` that is covered, 0 to 1.
+    scan_coverage : float
+        Share of the scan's area that lies within a mean edge of `mesh`, 0 to 1. It is low where the
+        template lacks what the scan has.
     tolerance : float
         A tenth of the mean edge of `mesh`, in the scan's unit.
     confidence : float
@@ -56,6 +59,7 @@ class Registration:
     distances: FloatArray
     covered: BoolArray
     coverage: float
+    scan_coverage: float
     tolerance: float
     confidence: float
 
@@ -177,12 +181,12 @@ def register(
     covered[used] = near
     vertices, distances, covered = vertices[number], distances[number], covered[number]
     mesh = Mesh(vertices, template.faces, name=f"{template.name} on {scan.name}")
-    shares = vertex_areas(mesh)
     return Registration(
         mesh=mesh,
         distances=distances,
         covered=covered,
-        coverage=float(shares[covered].sum() / shares.sum()),
+        coverage=float(np.average(covered, weights=vertex_areas(mesh))),
+        scan_coverage=fit.target_coverage(),
         tolerance=tolerance * size,
         confidence=match.confidence if isinstance(match, Match) else float("nan"),
     )
