@@ -8,7 +8,7 @@ BIN := .venv/bin
 WORKERS = $(shell $(BIN)/python -c "from unbend._parallel import n_cores; print(n_cores() + 1)")
 PYTEST = PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS) --dist worksteal
 
-.PHONY: app demo reproduce quick test test-kernels coverage test-browser browser test-portable test-matrix test-blender fuzz \
+.PHONY: app demo reproduce quick test test-tools test-kernels coverage test-browser browser test-portable test-matrix test-blender fuzz \
 	mutants lint format bench docs blender clean
 
 demo: .venv/plot.stamp ## shapes in several poses, their canonical forms, and a picture of both
@@ -27,9 +27,16 @@ QUICK := $(addprefix tests/,alignment canonical correspondence deformation dista
 quick: .venv/test.stamp ## the numerics and the readers, in less than a minute; no lint
 	$(PYTEST) $(QUICK)
 
-test: .venv/test.stamp ## the whole suite: lint, types, tests, doctests
+# What is not of the package: the paper's experiments, benchmarks, their shapes, fuzzing, endurance.
+TOOLS := paper testshapes $(addprefix tests/,paper testshapes test_benchmarks.py \
+	test_match_benchmark.py test_endurance.py test_fuzz.py)
+
+test: .venv/test.stamp ## the package: lint, types, tests, doctests
 	$(MAKE) --jobs=2 lint test-kernels
-	$(PYTEST)
+	$(PYTEST) $(addprefix --ignore=,$(TOOLS))
+
+test-tools: .venv/test.stamp ## tests of experiments, benchmarks and what makes their shapes
+	$(PYTEST) $(TOOLS)
 
 coverage: .venv/test.stamp ## which lines of src the tests run; measuring it takes a third longer
 	$(MAKE) test-kernels KERNEL_COVERAGE="--cov --cov-report= --cov-fail-under=0"
