@@ -9,7 +9,7 @@ from unbend.io import value_colors
 
 
 def test_numbers_have_viridis() -> None:
-    values = np.linspace(-3, 5, 200)
+    values = np.linspace(3, 5, 200)
     want = 255 * matplotlib.colormaps["viridis"](np.linspace(0, 1, 200))[:, :3]
     assert np.abs(value_colors(values) - want).max() < 5
     np.testing.assert_array_equal(value_colors(values[:, None]), value_colors(values))
@@ -19,6 +19,15 @@ def test_numbers_have_viridis() -> None:
     # As seen without hue, greater is lighter.
     light = value_colors(values) @ [0.21, 0.72, 0.07]
     assert (np.diff(light) > -1).all()
+
+
+def test_numbers_of_both_signs_have_blue_white_and_red() -> None:
+    marks = np.linspace(-1, 1, 11)
+    want = 255 * matplotlib.colormaps["RdBu_r"]((marks + 1) / 2)[:, :3]
+    exact = value_colors(7 * marks)
+    assert np.abs(exact - want).max() < 5
+    np.testing.assert_array_equal(value_colors([-0.4, 0.0, 1.0]), exact[[3, 5, 10]])
+    assert value_colors([-0.04, 1.0]).tolist() == [[68, 1, 84], [253, 231, 37]]  # noise
 
 
 def test_what_is_no_number_is_grey() -> None:

@@ -1,6 +1,6 @@
 """Files: meshes, maps between them and values on them. Whatever is a mesh becomes a `Mesh` here."""
 
-from unbend.io._colors import value_colors
+from unbend.io._colors import both_signs, value_colors
 from unbend.io._files import (
     atomic_write,
     check_writable,
@@ -50,6 +50,7 @@ __all__ = [
     "MeshLike",
     "as_mesh",
     "atomic_write",
+    "both_signs",
     "check_storable",
     "check_writable",
     "checked_map",

@@ -17,6 +17,15 @@ _VIRIDIS = np.array(
         (216, 226, 25), (253, 231, 37),
     ]
 )  # fmt: skip
+# RdBu of ColorBrewer (Harrower and Brewer 2003), at every tenth, blue first.
+_BLUE_TO_RED = np.array(
+    [
+        (5, 48, 97), (33, 102, 172), (67, 147, 195), (146, 197, 222), (209, 229, 240),
+        (247, 247, 247), (253, 219, 199), (244, 165, 130), (214, 96, 77), (178, 24, 43),
+        (103, 0, 31),
+    ]
+)  # fmt: skip
+_OTHER_SIGN = 0.05  # of the greatest size, from which numbers of the other sign are no noise
 # Okabe and Ito, "Color universal design", 2008, without black.
 _SEVEN = np.array(
     [
@@ -34,7 +43,8 @@ def value_colors(
 ) -> npt.NDArray[np.uint8]:
     """Turn values per vertex into colours (n, 3) of uint8 that colour-blind eyes tell apart, too.
 
-    Numbers (n,) go from dark blue to yellow, from the least to the greatest or between `limits`.
+    Numbers (n,) go from dark blue to yellow, from the least to the greatest or between `limits`;
+    those of :func:`both_signs` go from blue (negative) over white (0) to red, without limits.
     Each label has a colour, in its turn of seven and the same darker; of weights (n, k) each vertex
     has that of its largest. Grey stands for numbers that are not finite, and for the labels -1, NaN
     and "". Raises InputError for another `kind`, and for several numbers of each vertex.
@@ -62,8 +72,17 @@ def value_colors(
     finite = np.isfinite(numbers)
     shown = numbers[finite] if finite.any() else np.zeros(1)
     low, high = limits or (shown.min(), shown.max())
+    scale = _VIRIDIS
+    if limits is None and both_signs(low, high):
+        scale, high = _BLUE_TO_RED, max(-low, high)
+        low = -high
     shares = (np.where(finite, numbers, low) - low) / max(high - low, 1e-300)
-    marks = np.linspace(0, 1, len(_VIRIDIS))
-    colors = np.stack([np.interp(shares, marks, one) for one in _VIRIDIS.T], axis=1)
+    marks = np.linspace(0, 1, len(scale))
+    colors = np.stack([np.interp(shares, marks, one) for one in scale.T], axis=1)
     colors[~finite] = _GREY
     return np.asarray(np.rint(colors), dtype=np.uint8)
+
+
+def both_signs(low: float, high: float) -> bool:
+    """Whether numbers between these are negative and positive, such as growth and loss."""
+    return min(-low, high) > _OTHER_SIGN * max(-low, high)

@@ -14,7 +14,7 @@ from unbend._arrays import array_of
 from unbend._text import plural
 from unbend._types import StrPath
 from unbend.choices import Axis
-from unbend.io import MeshLike, value_colors
+from unbend.io import MeshLike, both_signs, value_colors
 from unbend.mesh import Mesh
 from unbend.report.figures import check_one_each, check_values, drawable
 from unbend.report.pages import _document as parts
@@ -56,7 +56,8 @@ def view(
         Vertices of both shapes, counted from 0; of one shape, its vertices; either perhaps by name.
     values : (n,) array_like of float, int, bool or str, optional
         A value for each vertex of `a`, shown as colours. Floats are numbers, and go from light to
-        dark; others are labels, of fourteen colours in turn. NaN, -1 and "" are grey.
+        dark, or from blue (negative) over white to red; others are labels, of fourteen colours in
+        turn. NaN, -1 and "" are grey.
     label : str, default="value"
         What such a value is.
     note : str, default=""
@@ -140,6 +141,8 @@ def _packed(
         seen = values[shown.ids, None]
         packed["values"] = pack_places(seen, (high - low) / _STEPS or None)
         packed["known"] = pack_whole(np.isfinite(seen))
+        if both_signs(low, high):
+            packed["colors"] = pack_whole(value_colors(values)[shown.ids])
     else:
         labels, numbers = np.unique(values, return_inverse=True)
         packed["labels"] = labels.tolist()
@@ -181,8 +184,11 @@ def _pictures(names: list[str], up: str, first: dict[str, Any]) -> str:
 
 def _legend(shape: dict[str, Any]) -> str:
     if "limits" in shape:
-        low, high = _told_apart(*shape["limits"])
-        return f'{low} <span class="scale"></span> {high}'
+        low, high = shape["limits"]
+        signed = "colors" in shape
+        most = max(-low, high)
+        low, high = _told_apart(-most, most) if signed else _told_apart(low, high)
+        return f'{low} <span class="scale{" signed" * signed}"></span> {high}'
     labels = shape["labels"]
     colors = map(tuple, value_colors(labels, kind="label").tolist())
     chips = [

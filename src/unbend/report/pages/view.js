@@ -23,9 +23,9 @@ start(async ({ shapes, landmarks: given }) => {
   listenToControls(views);
   function color() {
     views.forEach((view, side) => {
-      const { values, labels, colors, shares } = shapes[side], byValue = paint.value === "1";
-      if (labels) view.set("place", byValue ? Float32Array.from(colors, (one) => one / 255) : shares);
-      view.change({ paint: !byValue ? +paint.value : labels ? 4 : values ? 1 : 2 });
+      const { values, colors, shares } = shapes[side], byValue = paint.value === "1";
+      if (colors) view.set("place", byValue ? Float32Array.from(colors, (one) => one / 255) : shares);
+      view.change({ paint: !byValue ? +paint.value : colors ? 4 : values ? 1 : 2 });
     });
   }
   paint.addEventListener("change", color);
