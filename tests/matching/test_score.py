@@ -77,6 +77,14 @@ def test_a_round_shape_hardly_shows_its_turn() -> None:
     assert min(bounds[4:]) == roundness_bound(_person()) == 1
 
 
+@pytest.mark.filterwarnings("ignore:mesh. .*robust Laplacian")
+@pytest.mark.parametrize("power", [4, 6, 7, 7.5, 8, 8.2])
+def test_a_needle_does_not_show_its_turn(power: float) -> None:
+    ball = make_sphere(2)
+    needle = Mesh(ball.vertices * [10**power, 1, 1], ball.faces)
+    assert roundness_bound(prepare_shape(needle, 10)[1]) < 0.5
+
+
 def test_turns_and_scales_cost_nothing_and_mirrors_and_collapses_do() -> None:
     shape = _person()
     turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]

@@ -24,6 +24,7 @@ _PATCH_VERTICES, _CROWDED = 6, 3.0
 # Share of a rotation's motion that shows. The least of a pot's is up to 0.06, and with a handle at
 # least 0.1; that of animals, people, faces and bones is 0.17 or more.
 _SHOWN = 0.1
+_NO_INERTIA = 1e-12  # of all of it: a needle has less about its axis, of which rounding is left
 FLOOR = 10.0**-constants.DIGITS  # of costs: less is rounding
 
 
@@ -225,7 +226,8 @@ def roundness_bound(shape: Shape) -> float:
     if len(start):  # whatever runs in zigzags where faces were left out
         outward = unit_vectors(shape.averaged(lengths[:, None] * outward, constants.LIMB))
     across = np.cross(points, np.vstack([shape.normals, outward]))
-    inertia = weights @ (points**2).sum(axis=1) * np.eye(3) - (points.T * weights) @ points
+    extent = (1 + _NO_INERTIA) * (weights @ (points**2).sum(axis=1))
+    inertia = extent * np.eye(3) - (points.T * weights) @ points
     least = scipy.linalg.eigh((across.T * weights) @ across, inertia, eigvals_only=True)[0]
     return float(min(np.sqrt(max(least, 0.0)) / _SHOWN, 1.0))
 
