@@ -22,8 +22,8 @@ _START_POINTS, _START_STEPS = 500, 10  # of the subset that starts are tried on
 _FOLLOWED_STARTS, _REFINED_STARTS = 16, 4  # starts refined on the subset, and on all points
 # Misfits, as shares of the shape's size, that agree to this many digits are equal.
 _DIGITS = 8
-# The source in sizes of the target: squares of more overflow, and their products.
-_LARGEST = 1e75
+# The source in sizes of the target: squares of more overflow single precision.
+_LARGEST = 1e15
 # Coordinates: sums of larger ones overflow.
 _FARTHEST = 1e300
 
