@@ -125,17 +125,28 @@ def test_vertices_far_from_what_is_matched_are_no_landmarks_and_errors_there_are
 
 
 def test_of_two_open_shapes_it_is_told_if_their_faces_seem_to_face_different_ways() -> None:
-    ball = make_sphere(3)
-    kept, corners = np.unique(
-        ball.faces[(ball.vertices[ball.faces, 0] > 0.3).all(axis=1)], return_inverse=True
-    )
-    cap = Mesh(ball.vertices[kept], corners.reshape(-1, 3), name="cap")
-    inward = Mesh(cap.vertices, cap.faces[:, ::-1], name="inward")
+    cap = _cap(0.3, "cap")
+    inward = _turned(cap)
     for pair in ((cap, inward), (inward, cap)):
-        with pytest.warns(UnbendWarning, match="inward: its faces seem to be oriented inward"):
+        with pytest.warns(UnbendWarning, match="the faces of inward seem to be oriented inward"):
             prepare_shapes(pair, 10, [False, False])
     for pair in ((cap, cap), (inward, inward)):
         prepare_shapes(pair, 10, [False, False])
+
+
+def test_beside_a_shape_that_faces_inward_another_that_seems_to_is_turned_too() -> None:
+    deep, cap = _cap(-0.7, "deep"), _cap(0.3, "cap")
+    right = prepare_shapes((deep, cap), 10, [False, False])
+    with pytest.warns(
+        UnbendWarning, match="inward: its faces are oriented inward; they are turned"
+    ):
+        turned = prepare_shapes((_turned(deep), _turned(cap)), 10, [False, False])
+    with pytest.warns(
+        UnbendWarning, match="inward: its faces are oriented inward; they are turned"
+    ):
+        turned += prepare_shapes((_turned(deep), cap), 10, [False, False])
+    for one, other in zip(turned, 2 * right, strict=True):
+        np.testing.assert_allclose(one.shape.normals, other.shape.normals, atol=1e-12)
 
 
 def test_what_cannot_be_matched_is_refused(moebius_strip: Mesh) -> None:
@@ -225,3 +236,14 @@ def test_a_map_between_vertices_in_use_becomes_one_between_all() -> None:
     rows = expand_rows(values, found, np.nan)
     np.testing.assert_array_equal(rows[found.kept], values)
     assert np.isnan(rows[[0, 21]]).all()
+
+
+def _cap(least: float, name: str) -> Mesh:
+    ball = make_sphere(3)
+    inside = (ball.vertices[ball.faces, 0] > least).all(axis=1)
+    kept, corners = np.unique(ball.faces[inside], return_inverse=True)
+    return Mesh(ball.vertices[kept], corners.reshape(-1, 3), name=name)
+
+
+def _turned(mesh: Mesh) -> Mesh:
+    return Mesh(mesh.vertices, mesh.faces[:, ::-1], name="inward")

@@ -82,8 +82,8 @@ class _Checked(NamedTuple):
     """The surface of a mesh's largest component or of points."""
 
     surface: Surface
-    faces: IntArray  # of the surface, oriented consistently, outward if it has an inside
-    outward: float  # how surely
+    faces: IntArray  # of the surface, oriented consistently
+    outward: float  # how surely they face outward
     kept: IntArray  # this and the following as of an Input
     representatives: IntArray
     away: FloatArray
@@ -94,20 +94,21 @@ class _Checked(NamedTuple):
 
 def prepare_shape(mesh: MeshLike, n_eigenpairs: int, partial: bool = False) -> Input:
     """Check a mesh, compute its eigenpairs and normalise it."""
-    return _prepare(_check(as_mesh(mesh)), n_eigenpairs, partial)
+    (checked,) = _outward([_check(as_mesh(mesh))])
+    return _prepare(checked, n_eigenpairs, partial)
 
 
 def prepare_shapes(
     meshes: Sequence[MeshLike], n_eigenpairs: int, partial: Sequence[bool]
 ) -> list[Input]:
     """Check meshes one after the other; then, if they are not large, prepare them side by side."""
-    checked = [_check(as_mesh(mesh)) for mesh in meshes]
+    checked = _outward([_check(as_mesh(mesh)) for mesh in meshes])
     inward, outward = sorted((checked[0], checked[-1]), key=lambda one: one.outward)
     if inward.outward < -_LIKELY and outward.outward > _LIKELY:
         one, other = inward.surface.mesh.name, outward.surface.mesh.name
         warn(
-            f"{one}: its faces seem to be oriented inward, as far as its holes show, and those of "
-            f"{other} outward; if so, the map exchanges left and right: turn the faces of one"
+            f"the faces of {one} seem to be oriented inward, as far as its holes show, and those "
+            f"of {other} outward; if so, the map exchanges left and right: turn the faces of one"
         )
     tasks = [
         functools.partial(_prepare, one, n_eigenpairs, part)
@@ -133,12 +134,6 @@ def _check(mesh: Mesh) -> _Checked:
             "cannot be told apart on it; repair the mesh"
         )
     outward = outwardness(surface.mesh.vertices, faces)
-    if outward < -1:
-        warn(
-            f"{mesh.name}: its faces are oriented inward; they are turned. If its coordinates are "
-            "mirrored instead, as by exchanging two axes, the map exchanges left and right"
-        )
-        faces, outward = faces[:, ::-1], -outward
     found = np.full(mesh.n_vertices, -1)
     found[kept] = np.arange(len(kept))
     others = np.setdiff1d(joined.faces, kept)
@@ -149,6 +144,25 @@ def _check(mesh: Mesh) -> _Checked:
     corners = faces[:, :, None] == own_corners[:, None, :]
     checked = surface, faces, outward, kept, found, away, own_faces, own_corners, corners
     return _without_long_edges(_Checked(*checked))
+
+
+def _outward(shapes: list[_Checked]) -> list[_Checked]:
+    """Turn faces that are oriented inward: for sure, or likely, if those of another are for sure.
+
+    Of two open cups, the deeper one may be sure, and both are from one program.
+    """
+    least = -_LIKELY if min(one.outward for one in shapes) < -1 else -1.0
+    for i, one in enumerate(shapes):
+        if one.outward < least:
+            warn(
+                f"{one.surface.mesh.name}: its faces are oriented inward; they are turned. If its "
+                "coordinates are mirrored instead, as by exchanging two axes, the map exchanges "
+                "left and right"
+            )
+            shapes[i] = one._replace(
+                faces=one.faces[:, ::-1], outward=-one.outward, corners=one.corners[:, ::-1]
+            )
+    return shapes
 
 
 def _check_points(cloud: Mesh) -> _Checked:
