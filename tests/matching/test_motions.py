@@ -109,6 +109,14 @@ def test_motions_lay_given_points_onto_each_other(sides: tuple[Shape, Shape]) ->
     np.testing.assert_allclose(off.min(axis=1), 0, atol=1e-12)
 
 
+def test_of_a_long_shape_no_fine_grid_is_made(sides: tuple[Shape, Shape]) -> None:
+    whole = _oriented(sides[1])
+    along = np.full(3, 1 / np.sqrt(3))
+    long = whole._replace(points=whole.points + 300 * np.outer(whole.points @ along, along))
+    motions = find_motions(long, long, [1.0], 5, constants.LIMB)
+    assert np.isfinite(motions.shifts).all()
+
+
 def test_landmarks_add_motions_and_take_none_away(sides: tuple[Shape, Shape]) -> None:
     places = [one.vertices for one in sides]
     _, motions = _plan._motions(sides, places, 6)

@@ -18,6 +18,7 @@ _POINTS = 16, 48  # of the source, and of the target, that are laid onto each ot
 _TURNS = 16  # about a normal
 _COMPARED = 1500  # motions, the best first, of which those that differ are taken
 _DIFFERENT, _CELL = 0.75, 0.25  # of the reach: so far apart; so large a cell of the grid
+_MOST_CELLS = 2**20  # as of a box of 5.5 square roots of the area; wires reach farther
 
 
 class OrientedSurface(NamedTuple):
@@ -120,8 +121,9 @@ def _share_laid(
 ) -> FloatArray:
     """Share of a surface's area (h,) that motions lay near its goal, facing as the goal does."""
     # The goal's nearest point is looked up in a grid around it; -1 on the boundary.
-    corner, cell = goal.points.min(axis=0) - reach, _CELL * reach
+    corner = goal.points.min(axis=0) - reach
     extent = goal.points.max(axis=0) + reach - corner
+    cell = max(_CELL * reach, float(np.cbrt(extent.prod() / _MOST_CELLS)))
     cells = np.ceil(extent / cell).astype(np.int64) + 1
     middles = corner + cell * np.moveaxis(np.indices(tuple(cells)), 0, -1)
     grid = cKDTree(goal.points).query(middles)[1]
