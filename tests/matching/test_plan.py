@@ -29,6 +29,7 @@ from unbend.matching._plan import (
     best,
     candidates,
     differences,
+    distinct,
     from_extremities,
     from_forms,
     from_motions,
@@ -96,6 +97,15 @@ def test_candidates_differ_by_the_distance_between_where_they_lead(
     )
     assert apart[3] == 0  # the first leaves it without partner
     assert apart[5] == constants.LIMB  # the other does
+
+
+def test_candidates_that_are_right_together_are_given_once(box: Sides) -> None:
+    found = candidates(box)  # a box is led to itself in two ways at least, equally well
+    apart = differences(box, found).mean(axis=1)
+    others = np.flatnonzero(apart > constants.LIMB)
+    ranks = [found[0], found[0], found[others[0]], found[0]]
+    assert distinct(box, ranks, 4) == [0, 2]
+    assert distinct(box, ranks, 1) == [0]
 
 
 def _with_overlap(pose: Pose, n: int, without: int) -> Pose:

@@ -25,7 +25,14 @@ from unbend.matching._outcome import (
     make_match,
     vertex_images,
 )
-from unbend.matching._plan import Sides, candidates, differences, make_sides, onto_mirror_image
+from unbend.matching._plan import (
+    Sides,
+    candidates,
+    differences,
+    distinct,
+    make_sides,
+    onto_mirror_image,
+)
 from unbend.matching._polish import exact, refined, reranked, with_partners, without_extras
 from unbend.matching._result import Match, warn_of_disorder
 from unbend.matching._score import Candidate, lead_shares, ranked, roundness_bound
@@ -173,7 +180,8 @@ def match(
 
     results = []
     shares = _lead_shares([*other_hand, *found], sides)[len(other_hand) :]
-    for i in range(min(n_matches, len(found))):
+    given = distinct(sides, found, n_matches)
+    for n_done, i in enumerate(given, 1):
         chosen = finished(found[i], fine)
         order = [i, *range(i), *range(i + 1, len(found))]
         ranks = [found[j] for j in order]
@@ -183,7 +191,7 @@ def match(
         if barycentric and theirs.own_faces is not None:
             result = below_vertices(result, ours, theirs, chosen)
         results.append(result)
-        tell("refine", (i + 1) / min(n_matches, len(found)))
+        tell("refine", n_done / len(given))
     result = replace(results[0], alternatives=tuple(results[1:]))
     if mirrored:
         turned, fine = reranked(sides, turned, polish=refine)

@@ -11,7 +11,7 @@ from unbend._arrays import first_largest, snap
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.deformation import closest_faces
 from unbend.matching._inputs import Input, expand, expand_rows
-from unbend.matching._plan import MEDIUM, Sides
+from unbend.matching._plan import MEDIUM, Sides, mean_differences
 from unbend.matching._registration import Registered, landing_places, spectral_residual
 from unbend.matching._result import Hypothesis, Match
 from unbend.matching._score import (
@@ -45,8 +45,7 @@ def make_match(
     """
     left, right, registered = ours.shape, theirs.shape, chosen.registered
     source = sides.source.proxies[MEDIUM]
-    areas = source.shape.areas * ranks[0].registered.source.overlap
-    means = apart @ areas / max(areas.sum(), np.finfo(float).tiny)
+    means = mean_differences(sides, ranks[0], apart)
     there, back = registered.source.overlap, registered.target.overlap
     in_disorder = disorder(left, right, chosen)
     bound = confidence_bound(in_disorder)

@@ -175,6 +175,25 @@ def differences(sides: Sides, ranks: Sequence[Candidate]) -> FloatArray:
     return np.where(given, apart, constants.LIMB) * first.source.overlap
 
 
+def mean_differences(sides: Sides, first: Candidate, apart: FloatArray) -> FloatArray:
+    """Means (h,) of such distances over what the first gives a partner."""
+    areas = sides.source.proxies[MEDIUM].shape.areas * first.registered.source.overlap
+    return np.asarray(apart @ areas / max(areas.sum(), np.finfo(float).tiny))
+
+
+def distinct(sides: Sides, found: Sequence[Candidate], count: int) -> list[int]:
+    """Choose candidates that are not right together with a better one that is chosen."""
+    chosen = [0]
+    for i in range(1, len(found)):
+        if len(chosen) == count:
+            break
+        ranks = [found[j] for j in (i, *chosen)]
+        apart = mean_differences(sides, ranks[0], differences(sides, ranks))
+        if (apart[1:] >= constants.ALIKE).all():
+            chosen.append(i)
+    return chosen
+
+
 def lifted(sides: Sides, found: Sequence[Candidate]) -> list[Candidate]:
     """Carry candidates from the coarser proxies to the finer ones, and register them there."""
     coarse = sides.source.proxies[COARSE], sides.target.proxies[COARSE]
