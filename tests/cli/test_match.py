@@ -183,9 +183,9 @@ def test_match_of_a_part_with_hints_and_alternatives(tmp_path: Path) -> None:
 def test_fewer_maps_than_asked_for_are_told(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found = read_match(folder / "ab.npz")
     tried = Hypothesis(0.1, 1.0), Hypothesis(0.1, 1.0, 0.025)
-    found = replace(found, alternatives=(found,), confidence=0.8, hypotheses=tried)
+    found = replace(read_match(folder / "ab.npz"), confidence=0.8, hypotheses=tried)
+    found = replace(found, alternatives=(found,))
     monkeypatch.setattr("unbend.match", lambda *shapes, **options: found)
     given = ["match", folder / "a.ply", folder / "b.ply", "-o", tmp_path / "map.csv"]
     done = right(*given, "--n-matches", 4)

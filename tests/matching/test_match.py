@@ -135,6 +135,21 @@ def test_left_and_right_of_two_individuals_are_told() -> None:
     assert found.confidence < 0.1
 
 
+@pytest.mark.filterwarnings("ignore:mesh. .* unreferenced")
+def test_left_and_right_that_end_at_different_places_are_told() -> None:
+    one, other = make_blob(3, lengths=(1.5, 1, 0.7)), make_blob(3, lengths=(1.5, 0.95, 0.75))
+    one, other = _ending(one, -0.96), _ending(other, -0.66)
+    assert match(one, other, refine=False).confidence > 0.9
+    with pytest.warns(UnbendWarning, match="mirror image of the target fits far better"):
+        found = match(one, (other.vertices * MIRROR, other.faces[:, ::-1]), refine=False)
+    assert found.confidence < 0.3
+
+
+def _ending(mesh: Mesh, least: float) -> Mesh:
+    kept = mesh.vertices[:, 0] > least
+    return Mesh(mesh.vertices, mesh.faces[kept[mesh.faces].all(axis=1)])
+
+
 @pytest.mark.usefixtures("_small_copies")
 def test_symmetry_swaps_left_and_right() -> None:
     dog = make_quadruped("walking", n_vertices=600)

@@ -126,8 +126,8 @@ def match(
     median, within_95 = found.expected_error_quantiles()
     others = [
         f"another map has confidence {one.confidence:.2f}, and differs by "
-        f"{tried.difference:.1%} of the size on average"
-        for one, tried in zip(found.alternatives, found.hypotheses[1:], strict=False)
+        f"{one.hypotheses[1].difference:.1%} of the size on average"  # from the first
+        for one in found.alternatives
     ]
     output.tell(
         {

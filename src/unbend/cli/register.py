@@ -110,27 +110,28 @@ def tell_registered(
     """Tell how registering many shapes went, the least confident last, where they are seen."""
     if done.shapes and os.path.exists(template):  # not a shape of a collection by its id
         output.what_to_keep(os.path.join(out, f"*{Path(done.shapes[0].file).suffix}"), template)
-    lines = [("shape", "confidence", "covered", "scan covered", "mean distance", "95% within", "")]
+    lines = [("shape", "confidence", "covered", "scan covered", "95% within", "")]
     for one in sorted(done.shapes, key=lambda one: -one.confidence):
         numbers = f"{one.confidence:.2f}", f"{one.coverage:.1%}", f"{one.scan_coverage:.1%}"
-        distances = f"{one.mean_distance:.3g}", f"{one.distance_95:.3g}"
-        lines.append(
-            (output.shown_shape(one), *numbers, *distances, "doubtful" if one.doubtful else "")
-        )
-    lines += [(output.shown(one.path), "-", "-", "-", "-", "-", "failed") for one in done.failures]
+        doubt = "doubtful" if one.doubtful else ""
+        lines.append((output.shown_shape(one), *numbers, f"{one.distance_95:.3g}", doubt))
+    lines += [(output.shown(one.path), "-", "-", "-", "-", "failed") for one in done.failures]
     doubtful = [one for one in done.shapes if one.doubtful]
     counts = f"registered {done.registered:,}, there before {done.skipped:,}"
     failed = f"failed {len(done.failures):,} ({done.seconds:.1f} s)"
     hint = f"unbend collection mean {quoted(out)} -o OUT, for the mean and the components"
     if doubtful:
         worst = min(doubtful, key=lambda one: one.confidence)
+        others = "mirror those of the other side"
+        if not any("mirror image" in told for told in worst.warnings):
+            others = "where limbs are swapped, register again with --landmarks"
         hint = (
             f"look at doubtful ones: unbend match {quoted(template, output.shown(worst.path))} "
-            "--report match.html; where limbs are swapped, register again with --landmarks"
+            f"--report match.html; {others}"
         )
     output.tell(
         result,
-        [*output.table("<>>>>><", *lines), "", f"{counts}, {failed}; doubtful {len(doubtful):,}"],
+        [*output.table("<>>>><", *lines), "", f"{counts}, {failed}; doubtful {len(doubtful):,}"],
         written=[out],
         next_step=hint if done.shapes else None,
         failures=done.failures,

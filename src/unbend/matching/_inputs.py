@@ -241,9 +241,7 @@ def _largest(mesh: Mesh, joined: Mesh, number: IntArray) -> tuple[Mesh, IntArray
         warn(f"{mesh.name}: {seams}")
     choice = ""
     if wider := wider_component(joined):
-        choice = (
-            f"; component {wider} has over twice its area: if that is the body, match it instead"
-        )
+        choice = f"; component {wider} has a larger area: if that is the body, match it instead"
     elif components.n_vertices[1] > _NEARLY_LARGEST * components.n_vertices[0]:
         choice = "; component 1 is nearly as large, so another file's largest may be another part"
     warn(
@@ -255,7 +253,7 @@ def _largest(mesh: Mesh, joined: Mesh, number: IntArray) -> tuple[Mesh, IntArray
 
 
 def wider_component(mesh: Mesh) -> int:
-    """Component of the largest area, if over twice that of the one with most vertices; or 0."""
+    """Component of the largest area, if clearly more than that with most vertices; or 0."""
     components = find_components(mesh.faces, mesh.n_vertices)
     areas = np.bincount(components.of_vertex + 1, vertex_areas(mesh))[1:]
-    return int(areas.argmax()) if areas.max(initial=0) > 2 * areas[:1].sum() else 0
+    return int(areas.argmax()) if areas.max(initial=0) > 1.1 * areas[:1].sum() else 0

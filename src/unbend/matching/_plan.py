@@ -135,10 +135,14 @@ def onto_mirror_image(sides: Sides, first: Candidate) -> list[Candidate]:
     """Return the map onto the target's mirror image if it costs far less than the best.
 
     That happens if one shape is a left hand, and the other a right one; for symmetric bodies the
-    two are about as good.
+    two are about as good. If hands end at different places, spectra differ more than canonical
+    forms.
     """
     reflected = sides.reflected()._replace(maps=sides.maps[:BEAM])
-    found = best(reflected, COARSE, from_spectra(reflected, []))[:1]
+    proposed = from_spectra(reflected, [])
+    if sides.partial:
+        proposed += _onto_forms(reflected, BEAM)
+    found = best(reflected, COARSE, proposed)[:1]
     if found[0].cost >= first.cost:
         return []
     most = first.cost / _MIRRORED[first.cost >= constants.FEATURES]
@@ -263,8 +267,12 @@ def from_motions(sides: Sides, found: list[Candidate]) -> list[Candidate]:
 
 def from_forms(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     """Register from motions that lay one geodesic canonical form onto the other."""
+    return _onto_forms(sides, 6 * BEAM)
+
+
+def _onto_forms(sides: Sides, count: int) -> list[Candidate]:
     coarse = sides.at(COARSE)
-    maps, motions = _motions(coarse, [one.form for one in coarse], 6 * BEAM)
+    maps, motions = _motions(coarse, [one.form for one in coarse], count)
     starts = run_all(
         functools.partial(mapped_start, *coarse, *both, size, inside=True)
         for both, size in zip(maps, motions.sizes, strict=True)
