@@ -47,7 +47,7 @@ def read(data: bytes) -> Contents:
     welded = (
         f"{plural(len(corners), 'corner')} of {plural(len(corners) // 3, 'triangle')} welded into "
         f"{plural(len(kept), 'vertex')} where their positions are equal (STL does not store "
-        "vertices)"
+        "vertices: other programs may number them otherwise)"
     )
     divided, n_divided = divide_at_junctions(corners[kept], faces.reshape(-1, 3))
     notes = [welded, *left_out(n_unread, "byte", "triangle")]
