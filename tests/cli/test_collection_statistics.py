@@ -7,7 +7,7 @@ import pytest
 
 from stones import write_stones
 from terminal import invoke
-from unbend.collection import Collection, read_registrations, retrieval_measures
+from unbend.collection import Collection, _registering, read_registrations, retrieval_measures
 
 
 def run(*arguments):
@@ -103,15 +103,7 @@ def test_register_lists_all_shapes_and_what_to_do(registered):
     advice = f"{lost} (there is no such file): run unbend collection add {shapes / 'own'} NEWF"
     assert advice in done.stderr
     lines = done.stdout.splitlines()
-    assert lines[0].split() == [
-        "shape",
-        "confidence",
-        "covered",
-        "mean",
-        "distance",
-        "95%",
-        "within",
-    ]
+    assert " ".join(lines[0].split()) == "shape confidence covered scan covered 95% within"
     assert lines[4].split()[0] == str(lost)
     assert lines[4].endswith("failed")
     assert lines[6].startswith("registered 3, there before 0, failed 1 (")
@@ -132,6 +124,11 @@ def test_register_points_out_doubtful_shapes(registered, monkeypatch):
     assert "doubtful 3" in told[6]
     assert f"unbend match {shapes / 'own_stones' / 'stone00.ply'} " in told[-1]
     assert "--landmarks" in told[-1]
+    load = _registering._load
+    mirrored = ("the mirror image of the target fits far better",)
+    monkeypatch.setattr(_registering, "_load", lambda *given: (load(*given)[0], mirrored))
+    told = run(*arguments, "--workers", 0).stdout.splitlines()
+    assert told[-1].endswith("--report match.html; mirror those of the other side")
 
 
 def test_register_reads_landmarks(registered, tmp_path):
