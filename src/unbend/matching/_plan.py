@@ -41,7 +41,8 @@ from unbend.matching._shape import Proxy, Shape, make_proxy
 COARSE, MEDIUM = 0, 1  # levels of detail
 _SAMPLES = 64  # points of a shape, by which motions are compared
 # The best map costs so many times as much if the target is a mirror image: of shapes with few
-# features, and of others. Of symmetric ones it costs up to 1.1 and 1.6 times as much.
+# features, and of others. Of symmetric ones it costs up to 1.1 and 1.6 times as much, and of those
+# with holes in mirrored poses 1.6.
 _MIRRORED = 1.5, 2.0
 BEAM = constants.BEAM
 COARSE_WEIGHTS, MEDIUM_WEIGHTS = constants.DATA_WEIGHTS[2:5], constants.DATA_WEIGHTS[5:]
@@ -141,7 +142,7 @@ def onto_mirror_image(sides: Sides, first: Candidate) -> list[Candidate]:
     reflected = sides.reflected()._replace(maps=sides.maps[:BEAM])
     proposed = from_spectra(reflected, [])
     if sides.partial:
-        proposed += _onto_forms(reflected, BEAM)
+        proposed += _onto_forms(reflected, 2 * BEAM)
     found = best(reflected, COARSE, proposed)[:1]
     if found[0].cost >= first.cost:
         return []
