@@ -78,6 +78,15 @@ def test_a_page_says_what_its_values_are(blob: Mesh) -> None:
     assert 'Height &lt;b&gt;: 0 <span class="scale">' in html
 
 
+def test_numbers_of_both_signs_have_a_scale_around_zero(blob: Mesh) -> None:
+    change = np.linspace(-2, 5, 642)
+    change[9] = np.nan
+    html = view(blob, values=change, label="change").html
+    assert "change: -2 to 5" in html
+    assert 'Change: -5 <span class="scale signed"></span> 5.' in html
+    assert 'class="scale signed"' not in view(blob, values=np.linspace(-0.2, 5, 642)).html
+
+
 def test_whole_numbers_and_text_are_labels(blob: Mesh) -> None:
     parts = np.resize(["", "<leg>", "tail"], 642).astype(object)  # as pandas holds text
     html = view(blob, values=parts, label="part").html
