@@ -135,6 +135,18 @@ class Fit:
             slack=_SLACK * self.edge,
         )
 
+    def _project_back(self, length: float, slack: float) -> Projection:
+        """Closest points of the target's vertices on the surface, ahead of the last step."""
+        return project(
+            self.own._replace(vertices=self.ahead, normals=self._normals(self.ahead)),
+            self.target.vertices,
+            self.target.normals,
+            self.target.neighbors,
+            self.partners_back,
+            normal_weight=_NORMAL_WEIGHT * length,
+            slack=slack,
+        )
+
     def distances(self, tolerance: float) -> tuple[FloatArray, BoolArray]:
         """Distance of each vertex to the target, and whether a valid projection is so close.
 
@@ -149,9 +161,7 @@ class Fit:
 
     def target_coverage(self) -> float:
         """Share of the target's area that lies within an edge of the surface."""
-        normals = self._normals(self.places)
-        own = self.own._replace(vertices=self.places, normals=normals)
-        found = project_anywhere(own, self.target.vertices, self.target.normals, slack=self.edge)
+        found = self._project_back(0.0, self.edge)
         near = found.valid & (found.distances <= self.edge)
         return float(np.average(near, weights=self.weights))
 
@@ -169,18 +179,9 @@ class Fit:
 
     def _target_pull(self, length: float) -> tuple[FloatArray, FloatArray]:
         """Force and pull of the target's vertices on those nearest to their projections."""
-        target = self.target
-        found = project(
-            self.own._replace(vertices=self.ahead, normals=self._normals(self.ahead)),
-            target.vertices,
-            target.normals,
-            target.neighbors,
-            self.partners_back,
-            normal_weight=_NORMAL_WEIGHT * length,
-            slack=_SLACK * self.edge,
-        )
+        found = self._project_back(length, _SLACK * self.edge)
         self.partners_back = found.partners
-        goal = self.ahead[found.partners] + target.vertices - found.places
+        goal = self.ahead[found.partners] + self.target.vertices - found.places
         pull = self.weights * self._trusted(found)
         return scatter(found.partners, pull, goal, len(self.places))
 
