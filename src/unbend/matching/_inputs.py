@@ -36,6 +36,7 @@ from unbend.spectral import Surface, eigenpairs, make_surface
 _SIDE_BY_SIDE = 200_000
 _LONGEST = constants.LIMB / 4  # Longer edges are split: a map says nothing of what is between.
 _NEARLY_LARGEST = 0.75  # With so large a share of its vertices, another mesh may change the order.
+_WIDER = 1.1  # times the area of the component with most vertices, from which another is wider
 _LIKELY = 0.05  # how surely faces face a way when another shape's that face the other are told
 
 
@@ -256,4 +257,4 @@ def wider_component(mesh: Mesh) -> int:
     """Component of the largest area, if clearly more than that with most vertices; or 0."""
     components = find_components(mesh.faces, mesh.n_vertices)
     areas = np.bincount(components.of_vertex + 1, vertex_areas(mesh))[1:]
-    return int(areas.argmax()) if areas.max(initial=0) > 1.1 * areas[:1].sum() else 0
+    return int(areas.argmax()) if areas.max(initial=0) > _WIDER * areas[:1].sum() else 0
