@@ -33,7 +33,7 @@ TOOLS := paper testshapes $(addprefix tests/,paper testshapes test_benchmarks.py
 
 test: .venv/test.stamp ## the package: lint, types, tests, doctests
 	$(MAKE) --jobs=2 lint test-kernels
-	$(PYTEST) $(addprefix --ignore=,$(TOOLS))
+	$(PYTEST) src tests $(addprefix --ignore=,$(filter tests/%,$(TOOLS)))
 
 test-tools: .venv/test.stamp ## tests of experiments, benchmarks and what makes their shapes
 	$(PYTEST) $(TOOLS)

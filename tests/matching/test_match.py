@@ -137,7 +137,7 @@ def test_left_and_right_of_two_individuals_are_told() -> None:
 
 @pytest.mark.filterwarnings("ignore:mesh. .* unreferenced")
 def test_left_and_right_that_end_at_different_places_are_told() -> None:
-    one, other = make_blob(3, lengths=(1.5, 1, 0.7)), make_blob(3, lengths=(1.5, 0.95, 0.75))
+    one, other = make_blob(2, lengths=(1.5, 1, 0.7)), make_blob(2, lengths=(1.5, 0.95, 0.75))
     one, other = _ending(one, -0.96), _ending(other, -0.66)
     assert match(one, other, refine=False).confidence > 0.9
     with pytest.warns(UnbendWarning, match="mirror image of the target fits far better"):
