@@ -54,7 +54,8 @@ def test_it_tells_and_writes_what_came_out(folder: Path) -> None:
     assert b"property double distance\nproperty uchar red" in header
     rows = run(*given, "--report", "page.html").stdout.splitlines()
     html = Path("page.html").read_text("utf-8")
-    assert f"On the scan: {told['coverage']:.1%} of the template&#x27;s area, within " in html
+    assert f"{told['coverage']:.1%} of the template&#x27;s area lies on the scan, within " in html
+    assert f"and {told['scan_coverage']:.1%} of the scan&#x27;s on the template" in html
     assert "; confidence not estimated.</p>" in html
     assert f"by distance from the scan, up to {told['tolerance']:.3g}</option>" in html
     assert rows[0].startswith(f"covered          {told['coverage']:.1%} of the area, within ")

@@ -162,7 +162,10 @@ def register(work: Work) -> Result:
         like = shutil.copy(work.paths[0], work.folder / f"like{suffix}") if keeps else None
         correspondence.write_registration(path, found, like=like)
     reach = f"{found.tolerance:.3g}"
-    covered = f"{found.coverage:.1%} of the area, within {reach}"
+    covered = (
+        f"{found.coverage:.1%} of the area, within {reach}, "
+        f"and {found.scan_coverage:.1%} of its area covered"
+    )
     looks: Any = {"label": f"distance from {target.name}, up to {reach}", "up": work.up}
     looks |= {"note": f"On {target.name}: {covered}.", "path": work.page}
     report.view(found.mesh, target, values=found.distances.clip(max=found.tolerance), **looks)

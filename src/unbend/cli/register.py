@@ -76,9 +76,11 @@ def register(
     unbend.correspondence.write_registration(out, found, like=like)
     if report is not None:
         reach = f"{found.tolerance:.3g}"
-        covered = f"{found.coverage:.1%} of the template's area, within {reach}"
-        confidence = output.confidence_of(found)
-        note = f"On the scan: {covered} in the scan's unit; confidence {confidence}."
+        note = (
+            f"{found.coverage:.1%} of the template's area lies on the scan, within {reach} in the "
+            f"scan's unit, and {found.scan_coverage:.1%} of the scan's on the template; "
+            f"confidence {output.confidence_of(found)}."
+        )
         cut = f", up to {reach}" if (found.distances > found.tolerance).any() else ""
         looks: Any = {"label": f"distance from the scan{cut}", "note": note, "up": up}
         looks["values"] = found.distances.clip(max=found.tolerance)
