@@ -572,9 +572,12 @@ def test_symmetry_writes_the_mirror_partners(
     done = run("symmetry", tmp_path / "egg.ply", *unsure, "--report", tmp_path / "none.html")
     assert done.exit_code == 3
     assert sorted(tmp_path.iterdir()) == before
-    assert "may have none, or lack a part on one side" in done.stderr
     assert "look at it with unbend symmetry --report" in done.stderr  # not with a page that is not
-    assert "landmarks" not in done.stderr  # which symmetry does not take
+    assert "try again with --landmarks" in done.stderr
+    (tmp_path / "tips.csv").write_text("0,641\n")
+    done = run("symmetry", tmp_path / "egg.ply", "--landmarks", tmp_path / "tips.csv")
+    assert done.exit_code == 2
+    assert "641" in done.stderr
 
 
 def test_morph_writes_the_shapes_between(folder: Path) -> None:

@@ -161,6 +161,51 @@ def test_symmetry_swaps_left_and_right() -> None:
     assert (told[0], told[-1]) == (("spectrum", 0.0), ("refine", 1.0))
 
 
+def _with_limbs(middle: np.ndarray, limbs: Any, sharp: float) -> Mesh:
+    """A ball, scaled, with limbs: a direction each, and a length."""
+    ball = make_sphere(2)
+    places = ball.vertices * middle
+    for limb, length in limbs:
+        way = np.array(limb) / np.linalg.norm(limb)
+        places = places + length * np.exp(-sharp * (1 - ball.vertices @ way))[:, None] * way
+    return Mesh(places, ball.faces)
+
+
+def test_what_has_no_counterpart_has_no_mirror_partner() -> None:
+    sides = [((side, 0.3, 0.1), 1.3) for side in (1, -1)] + [
+        ((side, -2, 0), 1.6) for side in (1, -1)
+    ]
+    doll = _with_limbs(np.ones(3), [*sides, ((0, 1, 0.3), 0.7), ((0, -0.1, 1), 0.3)], 9)
+    places = doll.vertices
+    mirror = np.linalg.norm(places[:, None] * MIRROR - places, axis=2).argmin(axis=1)
+    part = keep(doll, places[:, 0] < 1.5)  # without the end of one arm
+    found = symmetry(part.mesh, refine=False)
+    np.testing.assert_array_equal(found.source_to_target, part.image[mirror[part.origin]])
+
+
+def test_back_and_belly_exchanged_is_told() -> None:
+    """A flat body whose limbs all differ has no other symmetry."""
+    ways = (1, 0.3), (-1, 0.5), (0.4, -1), (-0.7, -0.8), (0, 1)
+    limbs = [((*way, 0), size) for way, size in zip(ways, (2.4, 1.7, 2.1, 1.4, 1.0), strict=True)]
+    body = _with_limbs(np.array([0.4, 0.4, 0.16]), limbs, 25)
+    with pytest.warns(UnbendWarning, match="as if back and belly were exchanged"):
+        found = symmetry(body, refine=False)
+    partners = body.vertices[found.source_to_target]
+    np.testing.assert_allclose(partners * [1, 1, -1], body.vertices, atol=1e-9)
+
+
+def test_landmarks_choose_among_symmetries() -> None:
+    ball = make_sphere(2)
+    places = ball.vertices * [1, 0.75, 0.5]
+    for axis in (0, 1):
+        flip = np.where(np.arange(3) == axis, -1, 1)
+        one = int(places[:, axis].argmax())
+        pair = (one, int(np.linalg.norm(places - places[one] * flip, axis=1).argmin()))
+        found = symmetry((places, ball.faces), landmarks={"tip": pair}, refine=False)
+        assert found.missed_landmarks == ()
+        np.testing.assert_allclose(places[found.source_to_target] * flip, places, atol=1e-9)
+
+
 def test_maps_that_are_not_refined_are_a_little_rough(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(constants, "N_VERTICES", (200, 300))  # of copies, fewer than the egg has
     egg = make_egg(3)

@@ -153,6 +153,7 @@ def match(
 def symmetry(
     mesh: str,
     map_out: options.MapOut = None,
+    landmarks: options.Landmarks = None,
     min_confidence: options.MinConfidence = None,
     refine: bool = True,
     component: options.Component = None,
@@ -163,20 +164,24 @@ def symmetry(
 ) -> None:
     """Find the left-right symmetry of a shape, in any pose: the mirror partner of each vertex.
 
-    The confidence is that of a match of the shape to its mirror image, so it is also high for a
-    roughly symmetric shape, such as a bone, and may be for a map that exchanges back and belly
-    instead, as of an insect: look at the page.
+    What has no counterpart, as beyond a cut, gets no partner. The confidence is that of a match of
+    the shape to its mirror image, so it is also high for a roughly symmetric shape, such as a bone,
+    and may be if back and belly are exchanged instead, of which a warning tells.
 
+      landmarks: A .csv file: on each line two vertices, counted from 0, that are each other's
+          partners, such as the tips of two limbs.
       refine: Refine the map on the full mesh.
       figure: Draw the shape twice, mirror partners in one colour (.png, .pdf, .svg).
       report: Write a page on which a place shows its partner on the other side.
 
     $ unbend symmetry cat.off -o partners.csv
     $ unbend symmetry cat.off --report symmetry.html --up z
+    $ unbend symmetry beetle.ply --landmarks legs.csv -o partners.csv
     $ unbend transfer cat.off cat.off --map partners.csv --values left.csv -o right.csv
     """
     (shape,) = inputs.read_shapes([mesh], component)
-    found = unbend.symmetry(shape, refine=refine, progress=output.progress)
+    pairs = inputs.landmarks_of(landmarks, (shape, shape))
+    found = unbend.symmetry(shape, landmarks=pairs, refine=refine, progress=output.progress)
     seconds = output.elapsed()
     if unsure := inputs.is_unsure(found, min_confidence):
         map_out = figure = report = None
@@ -187,8 +192,9 @@ def symmetry(
     if is_doubtful(found.confidence):
         trust = f"the symmetry is doubtful (confidence {found.confidence:.2f})"
         look = "on the page" if report else "with unbend symmetry --report"
-        why = "the shape may have none, or lack a part on one side"
-        output.say("warning", f"{trust}: {why}; look at it {look}")
+        why = "the shape may have none"
+        again = "if it is wrong, try again with --landmarks, on two limbs"
+        output.say("warning", f"{trust}: {why}; look at it {look}; {again}")
     matched, n = int((found.source_to_target >= 0).sum()), len(found.source_to_target)
     partners = f"{matched:,} of {n:,} vertices of {shape.name}, {seconds:.1f} s"
     way = output.fields_of(found, "confidence", "orientation")

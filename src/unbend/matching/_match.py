@@ -31,6 +31,7 @@ from unbend.matching._plan import (
     differences,
     distinct,
     make_sides,
+    moved_share,
     onto_mirror_image,
 )
 from unbend.matching._polish import exact, refined, reranked, with_partners, without_extras
@@ -38,6 +39,9 @@ from unbend.matching._result import Match, warn_of_disorder
 from unbend.matching._score import Candidate, lead_shares, ranked, roundness_bound
 
 _N_EIGENPAIRS, _LEAST_EIGENPAIRS = 30, 4
+# Share of the area that a symmetry leads to another limb, or farther. Of people, animals, fish and
+# insects it is 0.31 or more; if back and belly are exchanged, it is up to 0.21.
+_EXCHANGED = 0.25
 
 
 @one_blas_thread()
@@ -143,15 +147,8 @@ def match(
     tell("spectrum", 0.0)
     ours, theirs = prepare_shapes((source, target), n_eigenpairs, torn)
     tell("search", 0.0)
-    labels: list[str] = []
-    if isinstance(landmarks, Mapping):
-        labels, landmarks = list(landmarks), list(landmarks.values())
-    pairs = landmark_pairs([] if landmarks is None else landmarks)
-    if len(pairs):
-        ours, theirs = (
-            one._replace(shape=replace(one.shape, landmarks=one.local(vertices)))
-            for one, vertices in zip((ours, theirs), pairs.T, strict=True)
-        )
+    labels, pairs = _labelled(landmarks)
+    ours, theirs = _led(ours, theirs, pairs)
     most = _bound_by_roundness(ours, theirs) if len(pairs) < 2 else 1.0
     sides = make_sides(ours.shape, theirs.shape)
     found = candidates(sides, progress)
@@ -175,8 +172,7 @@ def match(
     whole = constants.SMALLEST_PART if partial == "auto" else 0.0
 
     def finished(candidate: Candidate, fine: dict[Candidate, Candidate]) -> Candidate:
-        polished = fine.get(candidate) or refined(sides, candidate, polish=refine)
-        return with_partners(exact(sides, polished), sides, whole)
+        return _finished(sides, candidate, fine, refine, whole)
 
     results = []
     shares = _lead_shares([*other_hand, *found], sides)[len(other_hand) :]
@@ -198,11 +194,7 @@ def match(
         other = finished(without_extras(sides, turned, torn)[0], fine)
         images = vertex_images(ours, as_taken(theirs, other), other.registered)
         result = replace(result, mirrored=images)
-    for row in result.missed_landmarks:
-        one, other = pairs[row]
-        which = f"landmark {labels[row]!r}" if labels else "the landmark"
-        told = f"{which} at vertices {one} and {other} is ignored"
-        warn(f"{told}: it contradicts the best-fitting map")
+    _warn_of_missed(result, labels, pairs)
     warn_of_disorder(result)
     return result
 
@@ -216,16 +208,21 @@ def prepare_spectrum(mesh: MeshLike) -> None:
 def symmetry(
     mesh: MeshLike,
     *,
+    landmarks: npt.ArrayLike | Mapping[str, Any] | None = None,
     n_eigenpairs: int = _N_EIGENPAIRS,
     refine: bool = True,
     progress: Progress | None = None,
 ) -> Match:
     """Intrinsic reflective symmetry of a shape: its best map to itself that swaps left and right.
 
+    What has no counterpart gets no partner, -1, as :func:`match` does with ``partial="auto"``.
+
     Parameters
     ----------
     mesh : mesh-like
         See :func:`match`.
+    landmarks : (l, 2) array_like of int, or mapping of str to such pairs, optional
+        Pairs of vertices, such as the tips of both hands, that are each other's partners.
     n_eigenpairs, refine, progress
         See :func:`match`.
 
@@ -239,6 +236,12 @@ def symmetry(
     ------
     MeshError, InputError
         See :func:`match`.
+
+    Warns
+    -----
+    UnbendWarning
+        As :func:`match` does; and of a map that leads most of the surface near to where it is, as
+        if back and belly were exchanged.
 
     Examples
     --------
@@ -255,15 +258,29 @@ def symmetry(
     check_whole(n_eigenpairs, "n_eigenpairs", _LEAST_EIGENPAIRS)
     tell = progress or (lambda stage, share: None)
     tell("spectrum", 0.0)
-    one = prepare_shape(mesh, n_eigenpairs)
+    one = prepare_shape(mesh, n_eigenpairs, partial=True)
     tell("search", 0.0)
-    sides = make_sides(one.shape, one.shape).reflected()
+    labels, pairs = _labelled(landmarks)
+    ours, theirs = _led(one, one, np.concatenate([pairs, pairs[:, ::-1]]))
+    sides = make_sides(ours.shape, theirs.shape).reflected()
     found = candidates(sides, progress)
     tell("refine", 0.0)
     found, fine = reranked(sides, found, polish=refine)
+    found = without_extras(sides, found, (True, True))
+    chosen = _finished(sides, found[0], fine, refine, constants.SMALLEST_PART)
     tell("refine", 1.0)
     shares, apart = _lead_shares(found, sides), differences(sides, found)
-    return make_match(one, one, sides, exact(sides, fine[found[0]]), found, shares, apart)
+    result = make_match(ours, theirs, sides, chosen, found, shares, apart)
+    missed = sorted({row % len(pairs) for row in result.missed_landmarks})
+    result = replace(result, missed_landmarks=tuple(missed))
+    _warn_of_missed(result, labels, pairs)
+    if moved_share(sides, found[0]) < _EXCHANGED:
+        warn(
+            f"{ours.surface.mesh.name}: most of the surface is led near to where it is, as if back "
+            "and belly were exchanged, not left and right; if so, give landmarks, on two limbs "
+            "that are each other's partners"
+        )
+    return result
 
 
 def check_partial(partial: str) -> None:
@@ -283,6 +300,45 @@ def landmark_pairs(landmarks: npt.ArrayLike, name: str = "landmarks") -> IntArra
             f"array of shape {pairs.shape} and type {pairs.dtype}"
         )
     return pairs
+
+
+def _labelled(
+    landmarks: npt.ArrayLike | Mapping[str, Any] | None,
+) -> tuple[list[str], IntArray]:
+    """Give labels of landmarks, if they have any, and their vertices (l, 2)."""
+    if isinstance(landmarks, Mapping):
+        return list(landmarks), landmark_pairs(list(landmarks.values()))
+    return [], landmark_pairs([] if landmarks is None else landmarks)
+
+
+def _led(ours: Input, theirs: Input, pairs: IntArray) -> list[Input]:
+    """Give the landmarks to the shapes; if there are none, these stay the same objects."""
+    if not len(pairs):
+        return [ours, theirs]
+    return [
+        one._replace(shape=replace(one.shape, landmarks=one.local(vertices)))
+        for one, vertices in zip((ours, theirs), pairs.T, strict=True)
+    ]
+
+
+def _finished(
+    sides: Sides,
+    candidate: Candidate,
+    fine: dict[Candidate, Candidate],
+    polish: bool,
+    whole: float,
+) -> Candidate:
+    """Register a candidate on the shapes themselves, if it is not in ``fine``, and finish it."""
+    polished = fine.get(candidate) or refined(sides, candidate, polish=polish)
+    return with_partners(exact(sides, polished), sides, whole)
+
+
+def _warn_of_missed(result: Match, labels: list[str], pairs: IntArray) -> None:
+    for row in result.missed_landmarks:
+        one, other = pairs[row]
+        which = f"landmark {labels[row]!r}" if labels else "the landmark"
+        told = f"{which} at vertices {one} and {other} is ignored"
+        warn(f"{told}: it contradicts the best-fitting map")
 
 
 def _bound_by_roundness(ours: Input, theirs: Input) -> float:

@@ -186,6 +186,14 @@ def mean_differences(sides: Sides, first: Candidate, apart: FloatArray) -> Float
     return np.asarray(apart @ areas / max(areas.sum(), np.finfo(float).tiny))
 
 
+def moved_share(sides: Sides, found: Candidate) -> float:
+    """Share of what has a partner that a map of a shape to itself leads as far as a limb, or on."""
+    coarse = sides.target.proxies[COARSE]
+    apart = coarse.shape.distances[coarse.parents, coarse.parents[found.registered.forward]]
+    areas = sides.at(MEDIUM)[0].areas * found.registered.source.overlap
+    return float(areas @ (apart > constants.LIMB) / max(areas.sum(), np.finfo(float).tiny))
+
+
 def distinct(sides: Sides, found: Sequence[Candidate], count: int) -> list[int]:
     """Choose candidates that are not right together with a better one that is chosen."""
     chosen = [0]
