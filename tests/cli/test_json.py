@@ -28,7 +28,9 @@ HEALTH = {
     **dict.fromkeys(("non_manifold_edges", "non_manifold_vertices", "inconsistent_edges"), int),
     **dict.fromkeys(("degenerate_faces", "unreferenced_vertices"), int),
     **dict.fromkeys(("duplicate_vertices", "seam_vertices", "duplicate_faces"), int),
-    **dict.fromkeys(("one_sided", "inside_out", "closed", "robust_needed"), bool),
+    **dict.fromkeys(
+        ("one_sided", "inside_out", "seems_inside_out", "closed", "robust_needed"), bool
+    ),
     **dict.fromkeys(("euler_characteristic", "genus"), (int, type(None))),
     **dict.fromkeys(("area", "edge_min", "edge_median", "edge_max"), MAYBE),
     "component_vertices": [int],

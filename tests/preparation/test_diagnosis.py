@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from unbend import Mesh, laplacian
+from unbend.datasets import make_sphere
 from unbend.io import read_mesh, write_mesh
 from unbend.preparation import Diagnosis, diagnose, prepare
 
@@ -43,6 +44,7 @@ def test_a_cube() -> None:
         "inconsistent_edges": 0,
         "one_sided": False,
         "inside_out": False,
+        "seems_inside_out": False,
         "degenerate_faces": 0,
         "unreferenced_vertices": 0,
         "duplicate_vertices": 0,
@@ -160,6 +162,17 @@ def test_duplicates_do_not_hide_how_a_surface_is_oriented(moebius_strip: Mesh) -
     lid = CUBE.faces[[0, 1]]  # far from closed, and seen from either side
     for faces in (lid, lid[:, ::-1]):
         assert not repeated(CUBE.vertices - 9, faces).inside_out
+
+
+def test_an_open_shell_seems_to_be_inside_out_or_not() -> None:
+    ball = make_sphere(2)
+    cap = ball.faces[(ball.vertices[ball.faces][:, :, 2] > 0.4).all(axis=1)]
+    turned = diagnose((ball.vertices, cap[:, ::-1]))
+    assert turned.seems_inside_out
+    assert not turned.inside_out
+    assert not diagnose((ball.vertices, cap)).seems_inside_out
+    lid = CUBE.faces[[0, 1]]  # flat: it has no inside
+    assert not any(diagnose((CUBE.vertices, one)).seems_inside_out for one in (lid, lid[:, ::-1]))
 
 
 def test_a_point_cloud() -> None:

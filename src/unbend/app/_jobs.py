@@ -55,6 +55,10 @@ def _health(mesh: Mesh) -> tuple[bool, list[str]]:
             found.inside_out,
             "Its faces point inward. They are turned. If left and right look exchanged, mirror it.",
         ),
+        (
+            found.seems_inside_out,
+            "It is open, and its faces seem to point inward. If they should not, turn them.",
+        ),
         (turned, "Some faces point inward. They are turned; pictures may show spots."),
         (found.boundary_edges, f"It is open, with {holes} or boundaries. That is fine."),
         (damaged, "Some faces are damaged. unbend works around them."),

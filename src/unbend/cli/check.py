@@ -77,7 +77,9 @@ def _judge(
         command = f"{command} --component largest"
     elif health.one_sided:
         sentence = "unbend can work with this mesh, but cannot match it."
-    elif not (prepared.notes or health.inconsistent_edges or health.inside_out):
+    elif not (
+        prepared.notes or health.inconsistent_edges or health.inside_out or health.seems_inside_out
+    ):
         sentence = "This mesh is healthy."
     if rounding := unbend.preparation.describe_rounding(prepared.mesh):
         sentence = f"{sentence[:-1]}, but its {rounding}"
@@ -142,5 +144,9 @@ def _details(shape: unbend.Mesh, health: unbend.preparation.Diagnosis) -> list[s
     if health.inside_out:
         inward = "turns them to match; mirror the mesh instead if two axes were exchanged"
         lines.append(("faces", "inward", inward))
+    elif health.seems_inside_out:
+        lines.append(
+            ("faces", "inward?", "keeps them: growth counts as loss; turn them if not hollow")
+        )
     lines += [("reading", "", note) for note in shape.notes]
     return table("<><", *lines)

@@ -18,6 +18,7 @@ from unbend.io import MeshLike, as_mesh
 from unbend.matching import _constants as constants
 from unbend.matching._shape import Shape, longest_piece, make_shape
 from unbend.mesh import (
+    LIKELY,
     Mesh,
     find_components,
     find_edges,
@@ -37,7 +38,6 @@ _SIDE_BY_SIDE = 200_000
 _LONGEST = constants.LIMB / 4  # Longer edges are split: a map says nothing of what is between.
 _NEARLY_LARGEST = 0.75  # With so large a share of its vertices, another mesh may change the order.
 _WIDER = 1.1  # times the area of the component with most vertices, from which another is wider
-_LIKELY = 0.05  # how surely faces face a way when another shape's that face the other are told
 
 
 class Input(NamedTuple):
@@ -105,7 +105,7 @@ def prepare_shapes(
     """Check meshes one after the other; then, if they are not large, prepare them side by side."""
     checked = _outward([_check(as_mesh(mesh)) for mesh in meshes])
     inward, outward = sorted((checked[0], checked[-1]), key=lambda one: one.outward)
-    if inward.outward < -_LIKELY and outward.outward > _LIKELY:
+    if inward.outward < -LIKELY and outward.outward > LIKELY:
         one, other = inward.surface.mesh.name, outward.surface.mesh.name
         warn(
             f"the faces of {one} seem to be oriented inward, as far as its holes show, and those "
@@ -152,7 +152,7 @@ def _outward(shapes: list[_Checked]) -> list[_Checked]:
 
     Of two open cups, the deeper one may be sure, and both are from one program.
     """
-    least = -_LIKELY if min(one.outward for one in shapes) < -1 else -1.0
+    least = -LIKELY if min(one.outward for one in shapes) < -1 else -1.0
     for i, one in enumerate(shapes):
         if one.outward < least:
             warn(

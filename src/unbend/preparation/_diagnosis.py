@@ -12,6 +12,7 @@ from unbend._display import Brief
 from unbend.errors import MeshError
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import (
+    LIKELY,
     count_non_manifold_vertices,
     find_components,
     find_edges,
@@ -51,6 +52,9 @@ class Diagnosis(Brief):
     inside_out : bool
         Whether most faces of a surface that is closed, or has small holes, are oriented inward:
         :func:`unbend.match` turns them.
+    seems_inside_out : bool
+        Whether those of a surface with larger holes seem to be, as far as these show: of a face
+        scan or a limb they are, of a hollow such as a socket they may be right.
     degenerate_faces : int
         Faces that name a vertex twice, or whose height over their longest edge is at most 1e-8 of
         that edge, so that the cotangents of their angles mean nothing.
@@ -91,6 +95,7 @@ class Diagnosis(Brief):
     inconsistent_edges: int
     one_sided: bool
     inside_out: bool
+    seems_inside_out: bool
     degenerate_faces: int
     unreferenced_vertices: int
     duplicate_vertices: int
@@ -159,6 +164,7 @@ def diagnose(mesh: MeshLike) -> Diagnosis:
     inconsistent = int(((edges.n_faces == 2) & (edges.n_upward != 1)).sum())
     turnable = inconsistent or twice.any()
     oriented = orient_consistently(vertices, once) if turnable else once
+    outward = 0.0 if oriented is None else outwardness(vertices, oriented)
     euler = n_used - len(edges.ends) + len(proper)
     surface = (
         len(components.n_vertices) == 1
@@ -185,7 +191,8 @@ def diagnose(mesh: MeshLike) -> Diagnosis:
         non_manifold_vertices=non_manifold_vertices,
         inconsistent_edges=inconsistent,
         one_sided=oriented is None,
-        inside_out=oriented is not None and outwardness(vertices, oriented) < -1,
+        inside_out=outward < -1,
+        seems_inside_out=-1 <= outward < -LIKELY,
         degenerate_faces=n_degenerate,
         unreferenced_vertices=0 if mesh.is_point_cloud else mesh.n_vertices - n_used - n_doubled,
         duplicate_vertices=count_repeats(vertices),
