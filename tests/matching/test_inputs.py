@@ -103,25 +103,29 @@ def test_it_is_told_if_another_component_may_be_the_body(
     assert bool(told) == ("component 1 " in str(caught[0].message))
 
 
-def test_vertices_far_from_what_is_matched_are_no_landmarks_and_errors_there_are_large() -> None:
+def test_beside_what_is_matched_errors_are_larger_and_far_away_nothing_is_known() -> None:
     small, large = make_sphere(0), make_sphere(2)
     stone = large.vertices * [1, 0.8, 0.6] + 0.2 * large.vertices[:, [1, 2, 0]] ** 2
+    others = [small.vertices * 0.1 + [x, 0, 0] for x in (1.4, 9)]
     mesh = Mesh(
-        np.concatenate([stone, small.vertices * 0.1 + [9, 0, 0]]),
-        np.concatenate([large.faces, small.faces + 162]),
+        np.concatenate([stone, *others]),
+        np.concatenate([large.faces, small.faces + 162, small.faces + 174]),
         name="both",
     )
     told = r"largest component is matched"
     with pytest.warns(UnbendWarning, match=told):
         found = match(mesh, (stone, large.faces))
-    away = np.linalg.norm(mesh.vertices[162:] - stone[found.source_to_target[162:]], axis=1)
+    near, far = slice(162, 174), slice(174, None)
+    away = np.linalg.norm(mesh.vertices[near] - stone[found.source_to_target[near]], axis=1)
     assert found.expected_error is not None
-    assert (found.expected_error[162:] > away / np.sqrt(vertex_areas(mesh)[:162].sum())).all()
+    assert (found.expected_error[near] > away / np.sqrt(vertex_areas(mesh)[:162].sum())).all()
+    assert (found.source_to_target[far] == -1).all()
+    assert np.isnan(found.expected_error[far]).all()
     with (
         pytest.warns(UnbendWarning, match=told),
-        pytest.raises(InputError, match="both: vertex 165 is far from the largest component"),
+        pytest.raises(InputError, match="both: vertex 175 is far from the largest component"),
     ):
-        match(mesh, (stone, large.faces), landmarks=[(0, 0), (165, 3)])
+        match(mesh, (stone, large.faces), landmarks=[(0, 0), (175, 3)])
 
 
 def test_of_two_open_shapes_it_is_told_if_their_faces_seem_to_face_different_ways() -> None:

@@ -44,7 +44,8 @@ class Input(NamedTuple):
     """A mesh or a point cloud that is to be matched.
 
     What stands for a vertex of the mesh is itself, or on smaller components and in a point cloud
-    the nearest vertex of `shape`; -1 at vertices that no face uses, and at outliers.
+    the nearest vertex of `shape`; -1 at vertices that no face uses, at outliers, and on smaller
+    components farther away than a limb is thick.
     """
 
     surface: Surface  # its largest component, or that of points; checked, split where coarse
@@ -62,15 +63,11 @@ class Input(NamedTuple):
         ids = vertex_ids(vertices, len(self.representatives), name)
         found = self.representatives[ids]
         if (found < 0).any():
-            raise InputError(
-                f"{name}: vertex {ids[found < 0][0]} is not on its surface; name another"
-            )
-        far = self.away[ids] > constants.LIMB
-        if far.any():
-            raise InputError(
-                f"{name}: vertex {ids[far][0]} is far from the largest component, which is "
-                "matched; name another"
-            )
+            vertex = ids[found < 0][0]
+            why = "not on its surface"
+            if self.away[vertex] > constants.LIMB:
+                why = "far from the largest component, which is matched"
+            raise InputError(f"{name}: vertex {vertex} is {why}; name another")
         return found
 
     def on_own_faces(self, faces: IntArray, weights: FloatArray) -> tuple[IntArray, FloatArray]:
@@ -141,6 +138,7 @@ def _check(mesh: Mesh) -> _Checked:
     found[others] = cKDTree(mesh.vertices[kept]).query(mesh.vertices[others])[1]
     found = found[number]
     away = _away(mesh, surface, kept, found)
+    found[away > constants.LIMB] = -1
     own_corners = found[joined.faces[own_faces]]
     corners = faces[:, :, None] == own_corners[:, None, :]
     checked = surface, faces, outward, kept, found, away, own_faces, own_corners, corners
@@ -248,7 +246,8 @@ def _largest(mesh: Mesh, joined: Mesh, number: IntArray) -> tuple[Mesh, IntArray
     warn(
         f"{mesh.name}: its largest component is matched, {components.n_vertices[0]:,} of "
         f"{plural(mesh.n_vertices, 'vertex')}; {plural(n_others, 'smaller component')} "
-        f"{'takes' if n_others == 1 else 'take'} the partners of the nearest vertices there{choice}"
+        f"{'takes' if n_others == 1 else 'take'} the partners of the nearest vertices "
+        f"there, or none where far away{choice}"
     )
     return restrict(joined, components.of_vertex == 0)
 

@@ -73,7 +73,7 @@ def match(
         the matcher. A surface is reconstructed for a point cloud, and outliers get no partner, -1.
         The vertex counts, units, and positions in space may differ. Of several components the
         largest is matched; the vertices of the others take the partner of the nearest vertex of
-        the largest.
+        the largest, or none, -1, if that is over 0.22 of the square root of its area away.
     partial : {"auto", "none", "source", "target", "both"}, default="auto"
         Which shape may lack what the other one has. That gets no partner, -1: what lies beyond a
         boundary, where a shape was torn, cut off or seen from one side; and, on closed shapes too,
