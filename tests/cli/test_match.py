@@ -307,6 +307,12 @@ def test_transfer_carries_labels_weights_and_colors(folder: Path, tmp_path: Path
     assert done.stdout.splitlines()[0] == "carried  500 values (label)"
     truth = np.array(target().parts)[target().labels]
     assert (read_values(tmp_path / "out.csv") == truth).mean() > 0.95
+    heights = np.where(source().labels == 0, np.nan, source().mesh.vertices[:, 1])
+    np.save(tmp_path / "heights.npy", heights)
+    done = right(*given, "--values", tmp_path / "heights.npy", "-o", tmp_path / "heights.csv")
+    n_known = np.isfinite(read_values(tmp_path / "heights.csv")).sum()
+    assert 0 < n_known < 500
+    assert done.stdout.splitlines()[0] == f"carried  {n_known} of 500 values (scalar)"
     options = ["--kind", "weights", "-o", tmp_path / "out.npy", "--json"]
     done = right(*given, "--values", tmp_path / "weights.npy", *options)
     told = json.loads(done.stdout)

@@ -140,11 +140,18 @@ class TestPaths:
         with pytest.raises(FileError, match=r"cannot read .*m\.off: Permission denied"):
             read_mesh(tmp_path / "m.off")
 
-    @pytest.mark.parametrize("name", ["shape.blend", "shape"])
+    @pytest.mark.parametrize("name", ["shape.jpg", "shape"])
     def test_unknown_suffixes_list_the_known_ones(self, tmp_path: Path, name: str) -> None:
         with pytest.raises(FileError) as caught:
             read_mesh(tmp_path / name)
         assert all(suffix in str(caught.value) for suffix in READ_SUFFIXES)
+
+    @pytest.mark.parametrize(
+        ("name", "advice"), [("a.vrm", "rename it"), ("a.FBX", "export it"), ("lh.surf", r"\.pial")]
+    )
+    def test_of_some_files_it_is_known_what_to_do(self, name: str, advice: str) -> None:
+        with pytest.raises(FileError, match=f"unknown suffix .*; .*{advice}"):
+            read_mesh(name)
 
 
 class TestWriting:

@@ -77,7 +77,8 @@ def what_to_keep(out: str, original: str, *, whole: bool = True, moved: bool = T
         say("note", f"{out} has all lines of {original}{kept}")
         return original
     if keeps and moved:
-        say("note", f"{out} has all that {original} has, with new positions and normals")
+        kept = "with new positions and normals, but without tangents"
+        say("note", f"{out} has all that {original} has, {kept}")
         return original
     if held:
         say("note", f"{out} does not keep {', '.join(held)} of {original}")

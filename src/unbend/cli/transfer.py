@@ -118,12 +118,16 @@ def transfer(
     if lost:
         output.say("note", f"{lost:,} vertices of {b.name} correspond to none of the source")
     width = "" if carried.ndim == 1 else f" x {carried.shape[1]}"
+    n_known = len(carried) if is_markup else len(carried) - lost
+    if carried.dtype.kind == "f":
+        n_known = int(np.isfinite(carried.reshape(len(carried), -1)).any(axis=1).sum())
+    count = f"{n_known:,}" if n_known == len(carried) else f"{n_known:,} of {len(carried):,}"
     told = {"source": source, "target": target, "values": values, "kind": chosen}
     told |= {"shape": carried.shape, "n_without_preimage": lost}
     told |= {"confidence": getattr(found, "confidence", None)}
     output.tell(
         told,
-        output.rows({"carried": f"{len(carried):,}{width} values ({chosen})"}),
+        output.rows({"carried": f"{count}{width} values ({chosen})"}),
         shapes=shapes,
         written=[out, matching.save_match, expected_error],
     )

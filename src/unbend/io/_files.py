@@ -45,6 +45,14 @@ def check_writable(path: StrPath, suffixes: Collection[str]) -> Path:
     return path
 
 
+# What to do with files that are not read.
+_ADVICE = {
+    ".vrm": "it is a .glb file: rename it to that",
+    **dict.fromkeys((".fbx", ".blend", ".usd", ".usdz"), "export it as .glb or .obj"),
+    ".surf": "if FreeSurfer wrote it, rename it to end in .pial",
+}
+
+
 def check_suffix(path: Path, suffixes: Collection[str], verb: str) -> None:
     """Raise FileError if the suffix is none of these; empty: any."""
     suffix = path.suffix.lower()
@@ -52,7 +60,8 @@ def check_suffix(path: Path, suffixes: Collection[str], verb: str) -> None:
         *most, last = dict.fromkeys(suffixes)
         known = f"{', '.join(most)} or {last}" if most else last
         found = f'unknown suffix "{path.suffix}"' if suffix else "its name has no suffix"
-        raise FileError(f"cannot {verb} {path}: {found}; use {known}")
+        advice = _ADVICE.get(suffix, f"use {known}") if verb == "read" else f"use {known}"
+        raise FileError(f"cannot {verb} {path}: {found}; {advice}")
 
 
 def read_bytes(path: Path, suffixes: Collection[str]) -> bytes:
