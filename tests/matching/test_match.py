@@ -204,6 +204,8 @@ def test_landmarks_choose_among_symmetries() -> None:
         found = symmetry((places, ball.faces), landmarks={"tip": pair}, refine=False)
         assert found.missed_landmarks == ()
         np.testing.assert_allclose(places[found.source_to_target] * flip, places, atol=1e-9)
+    with pytest.raises(InputError, match="landmarks give vertex 3 two partners"):
+        symmetry((places, ball.faces), landmarks=[(3, 5), (3, 5), (7, 3)])
 
 
 def test_maps_that_are_not_refined_are_a_little_rough(monkeypatch: pytest.MonkeyPatch) -> None:

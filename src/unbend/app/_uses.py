@@ -164,7 +164,7 @@ def register(work: Work) -> Result:
     reach = f"{found.tolerance:.3g}"
     covered = (
         f"{found.coverage:.1%} of the area, within {reach}, "
-        f"and {found.scan_coverage:.1%} of its area covered"
+        f"and {found.scan_coverage:.1%} of its area covered, within a mean edge"
     )
     looks: Any = {"label": f"distance from {target.name}, up to {reach}", "up": work.up}
     looks |= {"note": f"On {target.name}: {covered}.", "path": work.page}

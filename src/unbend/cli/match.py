@@ -164,12 +164,13 @@ def symmetry(
 ) -> None:
     """Find the left-right symmetry of a shape, in any pose: the mirror partner of each vertex.
 
-    What has no counterpart, as beyond a cut, gets no partner. The confidence is that of a match of
-    the shape to its mirror image, so it is also high for a roughly symmetric shape, such as a bone,
-    and may be if back and belly are exchanged instead, of which a warning tells.
+    What has no counterpart, as beyond a cut, gets no partner; but a limb of which nothing is on the
+    other side may be its own, as a tail is. The confidence is that of a match of the shape to its
+    mirror image, so it is also high for a roughly symmetric shape, such as a bone, and may be for
+    half a body, and if back and belly are exchanged, of which a warning tells.
 
       landmarks: A .csv file: on each line two vertices, counted from 0, that are each other's
-          partners, such as the tips of two limbs.
+          partners, such as the tips of two limbs; or two files of points.
       refine: Refine the map on the full mesh.
       figure: Draw the shape twice, mirror partners in one colour (.png, .pdf, .svg).
       report: Write a page on which a place shows its partner on the other side.
@@ -193,8 +194,8 @@ def symmetry(
         trust = f"the symmetry is doubtful (confidence {found.confidence:.2f})"
         look = "on the page" if report else "with unbend symmetry --report"
         why = "the shape may have none"
-        again = "if it is wrong, try again with --landmarks, on two limbs"
-        output.say("warning", f"{trust}: {why}; look at it {look}; {again}")
+        again = "" if landmarks else "; if it is wrong, try again with --landmarks"
+        output.say("warning", f"{trust}: {why}; look at it {look}{again}")
     matched, n = int((found.source_to_target >= 0).sum()), len(found.source_to_target)
     partners = f"{matched:,} of {n:,} vertices of {shape.name}, {seconds:.1f} s"
     way = output.fields_of(found, "confidence", "orientation")

@@ -78,8 +78,8 @@ def register(
         reach = f"{found.tolerance:.3g}"
         note = (
             f"{found.coverage:.1%} of the template's area lies on the scan, within {reach} in the "
-            f"scan's unit, and {found.scan_coverage:.1%} of the scan's on the template; "
-            f"confidence {output.confidence_of(found)}."
+            f"scan's unit, and {found.scan_coverage:.1%} of the scan's on the template, within a "
+            f"mean edge; confidence {output.confidence_of(found)}."
         )
         cut = f", up to {reach}" if (found.distances > found.tolerance).any() else ""
         looks: Any = {"label": f"distance from the scan{cut}", "note": note, "up": up}

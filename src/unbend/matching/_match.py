@@ -40,8 +40,8 @@ from unbend.matching._score import Candidate, lead_shares, ranked, roundness_bou
 
 _N_EIGENPAIRS, _LEAST_EIGENPAIRS = 30, 4
 # Share of the area that a symmetry leads to another limb, or farther. Of people, animals, fish and
-# insects it is 0.31 or more; if back and belly are exchanged, it is up to 0.21.
-_EXCHANGED = 0.25
+# insects it is 0.31 or more; if back and belly are exchanged, it is up to 0.26.
+_EXCHANGED = 0.28
 
 
 @one_blas_thread()
@@ -215,7 +215,8 @@ def symmetry(
 ) -> Match:
     """Intrinsic reflective symmetry of a shape: its best map to itself that swaps left and right.
 
-    What has no counterpart gets no partner, -1, as :func:`match` does with ``partial="auto"``.
+    What has no counterpart gets no partner, -1, as in :func:`match` with ``partial="auto"``. But a
+    limb of which nothing is on the other side may be its own partner, as a tail is.
 
     Parameters
     ----------
@@ -230,12 +231,13 @@ def symmetry(
     -------
     Match
         From the mesh to itself, reversing orientation. Its `confidence` is that of a match of the
-        shape to its mirror image, so it is also high for a roughly symmetric shape, such as a bone.
+        shape to its mirror image, so it is also high for a roughly symmetric shape, such as a bone,
+        and may be for half a body, whose own two sides are then matched.
 
     Raises
     ------
     MeshError, InputError
-        See :func:`match`.
+        See :func:`match`; also if landmarks give a vertex two partners.
 
     Warns
     -----
@@ -261,7 +263,11 @@ def symmetry(
     one = prepare_shape(mesh, n_eigenpairs, partial=True)
     tell("search", 0.0)
     labels, pairs = _labelled(landmarks)
-    ours, theirs = _led(one, one, np.concatenate([pairs, pairs[:, ::-1]]))
+    both = np.concatenate([pairs, pairs[:, ::-1]])
+    vertices, counts = np.unique(np.unique(both, axis=0)[:, 0], return_counts=True)
+    if (counts > 1).any():
+        raise InputError(f"landmarks give vertex {vertices[counts > 1][0]} two partners; keep one")
+    ours, theirs = _led(one, one, both)
     sides = make_sides(ours.shape, theirs.shape).reflected()
     found = candidates(sides, progress)
     tell("refine", 0.0)
@@ -277,7 +283,7 @@ def symmetry(
     if moved_share(sides, found[0]) < _EXCHANGED:
         warn(
             f"{ours.surface.mesh.name}: most of the surface is led near to where it is, as if back "
-            "and belly were exchanged, not left and right; if so, give landmarks, on two limbs "
+            "and belly were exchanged, not left and right; if so, give two vertices as a landmark "
             "that are each other's partners"
         )
     return result
