@@ -40,7 +40,7 @@ from unbend.matching._score import Candidate, lead_shares, ranked, roundness_bou
 
 _N_EIGENPAIRS, _LEAST_EIGENPAIRS = 30, 4
 # Share of the area that a symmetry leads to another limb, or farther. Of people, animals, fish and
-# insects it is 0.31 or more; if back and belly are exchanged, it is up to 0.26.
+# insects it is 0.31 or more; if back and belly are exchanged, up to 0.26, but seldom above 0.2.
 _EXCHANGED = 0.28
 
 
@@ -280,6 +280,7 @@ def symmetry(
     missed = sorted({row % len(pairs) for row in result.missed_landmarks})
     result = replace(result, missed_landmarks=tuple(missed))
     _warn_of_missed(result, labels, pairs)
+    warn_of_disorder(result)
     if moved_share(sides, found[0]) < _EXCHANGED:
         warn(
             f"{ours.surface.mesh.name}: most of the surface is led near to where it is, as if back "
