@@ -75,6 +75,9 @@ def test_it_tells_and_writes_what_came_out(folder: Path) -> None:
     assert note in done.stderr
     given[-1] = "out.vtp"
     assert " together in ParaView; its colours" in run(*given).stdout
+    write_mesh("scan.vtp", read_mesh("scan.ply"))
+    given[2], given[-1] = "scan.vtp", "out.ply"
+    assert " together in ParaView; its colours" in run(*given).stdout
     write_map("same.npy", np.arange(600))
     run("register", *2 * ["template.ply"], "--map", "same.npy", "-o", "o.ply", "--report", "p.html")
     assert "by distance from the scan</option>" in Path("p.html").read_text("utf-8")

@@ -92,9 +92,10 @@ def numbered(path: str, number: object) -> str:
     return str(Path(path).with_stem(f"{Path(path).stem}-{number}"))
 
 
-def viewer_of(path: str) -> str:
-    """Name programs that open a mesh file."""
-    return "ParaView" if path.lower().endswith(".vtp") else "MeshLab or Blender"
+def viewer_of(*paths: str) -> str:
+    """Name programs that open mesh files."""
+    of_vtk = any(path.lower().endswith((".vtk", ".vtp", ".vtu")) for path in paths)
+    return "ParaView" if of_vtk else "MeshLab or Blender"
 
 
 def show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:

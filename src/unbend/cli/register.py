@@ -95,6 +95,7 @@ def register(
     }
     colored = Path(out).suffix.lower() in unbend.io.COLOR_SUFFIXES and like is None
     legend = "; its colours are the distance from the scan" if colored else ""
+    viewer = output.viewer_of(out, paths[0])
     output.tell(
         {"template": template, "scans": [one]},
         output.rows(lines),
@@ -102,7 +103,7 @@ def register(
         shapes=shapes,
         written=[out, matching.save_match],
         report=report,
-        next_step=f"open {out} and {paths[0]} together in {output.viewer_of(out)}{legend}",
+        next_step=f"open {out} and {paths[0]} together in {viewer}{legend}",
     )
 
 
