@@ -578,6 +578,7 @@ def test_symmetry_writes_the_mirror_partners(
     done = run("symmetry", tmp_path / "egg.ply", *unsure, "--report", tmp_path / "none.html")
     assert done.exit_code == 3
     assert sorted(tmp_path.iterdir()) == before
+    assert "the shape may have none" in done.stderr
     assert "look at it with unbend symmetry --report" in done.stderr  # not with a page that is not
     assert "try again with --landmarks" in done.stderr
     (tmp_path / "tips.csv").write_text("0,641\n")

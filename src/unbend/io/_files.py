@@ -60,8 +60,8 @@ def check_suffix(path: Path, suffixes: Collection[str], verb: str) -> None:
         *most, last = dict.fromkeys(suffixes)
         known = f"{', '.join(most)} or {last}" if most else last
         found = f'unknown suffix "{path.suffix}"' if suffix else "its name has no suffix"
-        advice = _ADVICE.get(suffix, f"use {known}") if verb == "read" else f"use {known}"
-        raise FileError(f"cannot {verb} {path}: {found}; {advice}")
+        advice = _ADVICE.get(suffix) if verb == "read" else None
+        raise FileError(f"cannot {verb} {path}: {found}; {advice or f'use {known}'}")
 
 
 def read_bytes(path: Path, suffixes: Collection[str]) -> bytes:

@@ -18,7 +18,7 @@ from unbend.io import MeshLike, as_mesh
 from unbend.matching import _constants as constants
 from unbend.matching._shape import Shape, longest_piece, make_shape
 from unbend.mesh import (
-    LIKELY,
+    LIKELY_OUTWARD,
     Mesh,
     find_components,
     find_edges,
@@ -102,7 +102,7 @@ def prepare_shapes(
     """Check meshes one after the other; then, if they are not large, prepare them side by side."""
     checked = _outward([_check(as_mesh(mesh)) for mesh in meshes])
     inward, outward = sorted((checked[0], checked[-1]), key=lambda one: one.outward)
-    if inward.outward < -LIKELY and outward.outward > LIKELY:
+    if inward.outward < -LIKELY_OUTWARD and outward.outward > LIKELY_OUTWARD:
         one, other = inward.surface.mesh.name, outward.surface.mesh.name
         warn(
             f"the faces of {one} seem to be oriented inward, as far as its holes show, and those "
@@ -150,7 +150,7 @@ def _outward(shapes: list[_Checked]) -> list[_Checked]:
 
     Of two open cups, the deeper one may be sure, and both are from one program.
     """
-    least = -LIKELY if min(one.outward for one in shapes) < -1 else -1.0
+    least = -LIKELY_OUTWARD if min(one.outward for one in shapes) < -1 else -1.0
     for i, one in enumerate(shapes):
         if one.outward < least:
             warn(

@@ -170,9 +170,7 @@ def match(
         )
     found = without_extras(sides, found, torn)
     whole = constants.SMALLEST_PART if partial == "auto" else 0.0
-
-    def finished(candidate: Candidate, fine: dict[Candidate, Candidate]) -> Candidate:
-        return _finished(sides, candidate, fine, refine, whole)
+    finished = functools.partial(_finished, sides, polish=refine, least=whole)
 
     results = []
     shares = _lead_shares([*other_hand, *found], sides)[len(other_hand) :]
@@ -258,22 +256,22 @@ def symmetry(
     True
     """
     check_whole(n_eigenpairs, "n_eigenpairs", _LEAST_EIGENPAIRS)
-    tell = progress or (lambda stage, share: None)
-    tell("spectrum", 0.0)
-    one = prepare_shape(mesh, n_eigenpairs, partial=True)
-    tell("search", 0.0)
     labels, pairs = _labelled(landmarks)
     both = np.concatenate([pairs, pairs[:, ::-1]])
     vertices, counts = np.unique(np.unique(both, axis=0)[:, 0], return_counts=True)
     if (counts > 1).any():
         raise InputError(f"landmarks give vertex {vertices[counts > 1][0]} two partners; keep one")
+    tell = progress or (lambda stage, share: None)
+    tell("spectrum", 0.0)
+    one = prepare_shape(mesh, n_eigenpairs, partial=True)
+    tell("search", 0.0)
     ours, theirs = _led(one, one, both)
     sides = make_sides(ours.shape, theirs.shape).reflected()
     found = candidates(sides, progress)
     tell("refine", 0.0)
     found, fine = reranked(sides, found, polish=refine)
     found = without_extras(sides, found, (True, True))
-    chosen = _finished(sides, found[0], fine, refine, constants.SMALLEST_PART)
+    chosen = _finished(sides, found[0], fine, polish=refine, least=constants.SMALLEST_PART)
     tell("refine", 1.0)
     shares, apart = _lead_shares(found, sides), differences(sides, found)
     result = make_match(ours, theirs, sides, chosen, found, shares, apart)
@@ -332,12 +330,13 @@ def _finished(
     sides: Sides,
     candidate: Candidate,
     fine: dict[Candidate, Candidate],
+    *,
     polish: bool,
-    whole: float,
+    least: float,
 ) -> Candidate:
     """Register a candidate on the shapes themselves, if it is not in ``fine``, and finish it."""
     polished = fine.get(candidate) or refined(sides, candidate, polish=polish)
-    return with_partners(exact(sides, polished), sides, whole)
+    return with_partners(exact(sides, polished), sides, least)
 
 
 def _warn_of_missed(result: Match, labels: list[str], pairs: IntArray) -> None:

@@ -26,11 +26,11 @@ from unbend.mesh._topology import (
     other_sides,
     proper_faces,
 )
-from unbend.mesh._winding import LIKELY, orient_consistently, outwardness
+from unbend.mesh._winding import LIKELY_OUTWARD, orient_consistently, outwardness
 
 __all__ = [
     "FACES_AT_ONCE",
-    "LIKELY",
+    "LIKELY_OUTWARD",
     "Components",
     "Edges",
     "Mesh",

@@ -13,7 +13,7 @@ from unbend.mesh._topology import find_edges, label_linked, measure_faces, other
 # A twist is a flaw of the mesh, not of the nature of the surface, if the seam along which faces
 # disagree is at most so long, in sqrt(area): less than a limb's girth.
 _SEAM = 0.1
-LIKELY = 0.05  # how surely faces face outward, or inward, if they seem to
+LIKELY_OUTWARD = 0.05  # how surely faces face outward, or inward, if they seem to
 _FLAT = 1e-9  # volume, in cubes of the radius, that is rounding
 _SHIFT = 1e-6  # keeps a matrix definite whose least eigenvalue may be less
 _STEPS = 20  # of inverse iteration

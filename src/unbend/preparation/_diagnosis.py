@@ -12,7 +12,7 @@ from unbend._display import Brief
 from unbend.errors import MeshError
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import (
-    LIKELY,
+    LIKELY_OUTWARD,
     count_non_manifold_vertices,
     find_components,
     find_edges,
@@ -192,7 +192,7 @@ def diagnose(mesh: MeshLike) -> Diagnosis:
         inconsistent_edges=inconsistent,
         one_sided=oriented is None,
         inside_out=outward < -1,
-        seems_inside_out=-1 <= outward < -LIKELY,
+        seems_inside_out=-1 <= outward < -LIKELY_OUTWARD,
         degenerate_faces=n_degenerate,
         unreferenced_vertices=0 if mesh.is_point_cloud else mesh.n_vertices - n_used - n_doubled,
         duplicate_vertices=count_repeats(vertices),
