@@ -193,6 +193,15 @@ def test_labels_that_a_program_stored_as_floats_stay_labels(folder: Path, suffix
         np.testing.assert_array_equal(read_values(out + suffix), carried)
 
 
+def test_labels_beside_other_columns_are_told_to_be_averaged(folder: Path) -> None:
+    rows = [f"{1 + i % 3},{i / 7},0\n" for i in SAME]
+    Path("some.csv").write_text("damage,depth,none\n" + "".join(rows))
+    given = ["transfer", "a.ply", "b.ply", "--map", "map.npy", "--values", "some.csv"]
+    told = "columns of whole numbers (damage) are averaged"
+    assert told in right(*given, "-o", "out.csv").stderr
+    assert told not in right(*given, "--kind", "scalar", "-o", "out.csv").stderr
+
+
 def test_landmarks_are_carried_and_lead_a_match(folder: Path) -> None:
     write_markups("a.mrk.json", SOURCE, [3, 500, 77], ["nose", "tail", "paw"])
     given = ["transfer", "a.ply", "b.ply", "--values", "a.mrk.json", "-o", "b.mrk.json"]

@@ -10,7 +10,7 @@ from sheets import lopsided, make_blob, make_egg, make_torus, make_twisted_ball
 from testshapes.damage import Damaged, keep
 from unbend import Mesh, read_mesh
 from unbend.correspondence import evaluate
-from unbend.datasets import make_quadruped, make_sphere
+from unbend.datasets import make_biped, make_quadruped, make_sphere, rest_map
 from unbend.errors import InputError, UnbendWarning
 from unbend.matching import _constants as constants
 from unbend.matching import landmark_pairs, match, prepare_spectrum, symmetry
@@ -535,6 +535,21 @@ def test_an_ignored_landmark_is_named_by_its_label() -> None:
     told = f"landmark 'paw' at vertices {x.argmin()} and {x.argmax()} is ignored"
     with pytest.warns(UnbendWarning, match=told):
         assert match(stone, stone, landmarks=pairs).missed_landmarks == (5,)
+
+
+@pytest.mark.filterwarnings("ignore:the mirror image of the target")
+def test_landmarks_that_lead_far_from_the_best_map_are_told() -> None:
+    standing, walking = (make_biped(pose, n_vertices=1000) for pose in ("standing", "walking"))
+    hands = np.array([standing.rest[:, 0].argmax(), standing.rest[:, 0].argmin()])
+    there = rest_map(standing, walking)[hands]
+    names = [f"landmark {one!r} at vertices {i} and" for one, i in zip("ab", hands, strict=True)]
+    told = f"{names[0]} .* and {names[1]} .*: another map fits far better"
+    pairs = dict(zip("ab", zip(hands, there[::-1], strict=True), strict=True))
+    with pytest.warns(UnbendWarning, match=told):
+        found = match(standing.mesh, walking.mesh, landmarks=pairs, refine=False)
+    assert found.confidence <= 0.5
+    true = np.stack([hands, there], axis=1)
+    assert match(standing.mesh, walking.mesh, landmarks=true, refine=False).confidence > 0.9
 
 
 def test_of_a_round_shape_little_is_known_without_two_landmarks() -> None:

@@ -78,6 +78,15 @@ def transfer(
         io.check_storable(out, array, chosen)
         if chosen != "label":
             unbend.correspondence.checked_numbers(array, chosen)
+        if chosen == "scalar" and kind == "auto" and array.ndim == 2:
+            whole = (array == np.round(array)).all(axis=0) & (array != array[0]).any(axis=0)
+            columns = [names[k] if names else f"{k + 1}" for k in np.flatnonzero(whole)]
+            if columns:
+                output.say(
+                    "note",
+                    f"columns of whole numbers ({', '.join(columns)}) are averaged, as others; if "
+                    "they are labels, transfer each from a file of its own",
+                )
     found = read_or_match(shapes, matching)
     if isinstance(found, unbend.Match):
         forward, back = found.source_to_target, found.target_to_source

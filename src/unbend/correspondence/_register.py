@@ -180,7 +180,7 @@ def register(
     covered = np.zeros(len(vertices), dtype=bool)
     covered[used] = near
     vertices, distances, covered = vertices[number], distances[number], covered[number]
-    mesh = Mesh(vertices, template.faces, name=f"{template.name} on {scan.name}")
+    mesh = Mesh(vertices, template.faces, name=f"template on {scan.name}")
     return Registration(
         mesh=mesh,
         distances=distances,

@@ -31,6 +31,7 @@ from unbend.matching._plan import (
     differences,
     distinct,
     make_sides,
+    misleading_landmarks,
     moved_share,
     onto_mirror_image,
 )
@@ -42,6 +43,8 @@ _N_EIGENPAIRS, _LEAST_EIGENPAIRS = 30, 4
 # Share of the area that a symmetry leads to another limb, or farther. Of people, animals, fish and
 # insects it is 0.31 or more; if back and belly are exchanged, up to 0.26, but seldom above 0.2.
 _EXCHANGED = 0.28
+# The highest confidence of a map that landmarks lead to and another one fits far better.
+_MISLED = 0.5
 
 
 @one_blas_thread()
@@ -119,8 +122,9 @@ def match(
     UnbendWarning
         Of what was done to a mesh, as when it has several components or its faces are oriented
         inward; of missed landmarks; of a map that is in disorder, so that part of it is wrong;
-        of shapes that are mirror images of each other; and of a round shape, which does not show
-        how far it is turned, without two landmarks.
+        of shapes that are mirror images of each other; of landmarks that lead far from the best
+        map, whose confidence is then at most 0.5; and of a round shape, which does not show how far
+        it is turned, without two landmarks.
 
     References
     ----------
@@ -156,12 +160,15 @@ def match(
     if allow_mirror:
         found = ranked([*found, *turned])
     tell("refine", 0.0)
-    (found, fine), other_hand = run_all(
+    (found, fine), other_hand, misleading = run_all(
         [
             functools.partial(reranked, sides, found, polish=refine),
             functools.partial(onto_mirror_image, sides, found[0]) if not allow_mirror else list,
+            functools.partial(misleading_landmarks, sides, found) if len(pairs) else list,
         ]
     )
+    if len(misleading):
+        most = min(most, _MISLED)
     if other_hand:
         warn(
             "the mirror image of the target fits far better, as if one were a left hand and the "
@@ -193,6 +200,7 @@ def match(
         images = vertex_images(ours, as_taken(theirs, other), other.registered)
         result = replace(result, mirrored=images)
     _warn_of_missed(result, labels, pairs)
+    _warn_of_misleading(misleading, labels, pairs)
     warn_of_disorder(result)
     return result
 
@@ -341,10 +349,23 @@ def _finished(
 
 def _warn_of_missed(result: Match, labels: list[str], pairs: IntArray) -> None:
     for row in result.missed_landmarks:
-        one, other = pairs[row]
-        which = f"landmark {labels[row]!r}" if labels else "the landmark"
-        told = f"{which} at vertices {one} and {other} is ignored"
-        warn(f"{told}: it contradicts the best-fitting map")
+        told = _named_landmark(row, labels, pairs)
+        warn(f"{told} is ignored: it contradicts the best-fitting map")
+
+
+def _warn_of_misleading(rows: Sequence[int], labels: list[str], pairs: IntArray) -> None:
+    if len(rows):
+        names = [_named_landmark(row, labels, pairs) for row in rows]
+        told = " and ".join([*names[:2], *([f"{len(rows) - 2} more"] if len(rows) > 2 else [])])
+        warn(
+            f"{told}: another map fits far better, so perhaps a landmark is wrong, or left and "
+            f"right are exchanged; the confidence is at most {_MISLED}"
+        )
+
+
+def _named_landmark(row: int, labels: list[str], pairs: IntArray) -> str:
+    which = f"landmark {labels[row]!r}" if labels else "the landmark"
+    return f"{which} at vertices {pairs[row, 0]} and {pairs[row, 1]}"
 
 
 def _bound_by_roundness(ours: Input, theirs: Input) -> float:

@@ -140,14 +140,31 @@ def onto_mirror_image(sides: Sides, first: Candidate) -> list[Candidate]:
     forms.
     """
     reflected = sides.reflected()._replace(maps=sides.maps[:BEAM])
-    proposed = from_spectra(reflected, [])
-    if sides.partial:
-        proposed += _onto_forms(reflected, 2 * BEAM)
-    found = best(reflected, COARSE, proposed)[:1]
+    found = best(reflected, COARSE, _proposed(reflected))[:1]
     if found[0].cost >= first.cost:
         return []
     most = first.cost / _MIRRORED[first.cost >= constants.FEATURES]
     return [one for one in lifted(reflected, found) if max(one.cost, FLOOR) < most]
+
+
+def misleading_landmarks(sides: Sides, found: Sequence[Candidate]) -> IntArray:
+    """Return the landmarks that the best map agrees with, and one that fits far better does not.
+
+    One is wrong, or two were exchanged: true ones cost no more than maps that are nearly as good.
+    Of shapes with few features, little shows.
+    """
+    first = found[0]
+    if first.missed.all():
+        return np.zeros(0, dtype=np.int64)
+    proposed = min(best(sides, COARSE, _proposed(sides)), key=lambda one: one.energy)
+    least = min([*found, *lifted(sides, [proposed])], key=lambda one: one.energy)
+    most = (1 + constants.NEARLY) * max(least.energy, constants.FEATURES)
+    return np.flatnonzero(least.missed & ~first.missed & (first.energy > most))
+
+
+def _proposed(sides: Sides) -> list[Candidate]:
+    found = from_spectra(sides, [])
+    return found + _onto_forms(sides, 2 * BEAM) if sides.partial else found
 
 
 def best(sides: Sides, level: int, found: Sequence[Candidate]) -> list[Candidate]:
