@@ -57,7 +57,7 @@ def test_every_vertex_in_use_has_one_that_stands_for_it() -> None:
     nearest = np.linalg.norm(mesh.vertices[:12, None] - large.vertices, axis=2).argmin(axis=1)
     np.testing.assert_array_equal(found.local(np.arange(12)), nearest)
     with pytest.raises(InputError, match="both: vertex 12 is not on its surface; name another"):
-        found.local([0, 12])
+        found.local(np.array([0, 12]))
     assert found.representatives[12] == -1
     np.testing.assert_array_equal(found.own_faces, len(small.faces) + np.arange(80))
     apart = np.linalg.norm(np.diff(found.shape.vertices, axis=0), axis=1)

@@ -505,7 +505,9 @@ def test_options_that_make_no_sense_are_refused(blob: Mesh) -> None:
             match(blob, blob, n_matches=wrong)  # type: ignore[arg-type]
 
 
-def test_landmarks_that_are_no_pairs_are_refused() -> None:
+def test_landmarks_that_are_no_pairs_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before anything takes long."""
+    monkeypatch.delattr("unbend.matching._match.prepare_shapes")
     egg = make_egg(2)
     with pytest.raises(InputError, match=f"there is no vertex {egg.n_vertices}"):
         match(egg, egg, n_eigenpairs=20, landmarks=[(0, egg.n_vertices)])

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from unbend._parallel import run_all
@@ -26,7 +25,6 @@ from unbend.mesh import (
     orient_consistently,
     outwardness,
     vertex_areas,
-    vertex_ids,
 )
 from unbend.mesh.refinement import refine
 from unbend.preparation import describe_seams, join_seams, restrict, surface_of_points
@@ -57,13 +55,12 @@ class Input(NamedTuple):
     own_corners: IntArray  # (m, 3) the vertices of `shape` that are its corners, in its winding
     corners: FloatArray | BoolArray  # (m, 3, 3) where on it each corner is, as weights of these
 
-    def local(self, vertices: npt.ArrayLike) -> IntArray:
+    def local(self, vertices: IntArray) -> IntArray:
         """Turn vertices of the mesh into those of `shape` that stand for them."""
         name = self.surface.mesh.name
-        ids = vertex_ids(vertices, len(self.representatives), name)
-        found = self.representatives[ids]
+        found = self.representatives[vertices]
         if (found < 0).any():
-            vertex = ids[found < 0][0]
+            vertex = vertices[found < 0][0]
             why = "not on its surface"
             if self.away[vertex] > constants.LIMB:
                 why = "far from the largest component, which is matched"

@@ -15,7 +15,7 @@ from unbend._parallel import one_blas_thread, run_all
 from unbend._types import FloatArray, IntArray, Progress
 from unbend.choices import Partial
 from unbend.errors import InputError, warn
-from unbend.io import MeshLike
+from unbend.io import MeshLike, as_mesh
 from unbend.matching import _constants as constants
 from unbend.matching._inputs import Input, prepare_shape, prepare_shapes
 from unbend.matching._outcome import (
@@ -38,6 +38,7 @@ from unbend.matching._plan import (
 from unbend.matching._polish import exact, refined, reranked, with_partners, without_extras
 from unbend.matching._result import Match, warn_of_disorder
 from unbend.matching._score import Candidate, lead_shares, ranked, roundness_bound
+from unbend.mesh import Mesh, vertex_ids
 
 _N_EIGENPAIRS, _LEAST_EIGENPAIRS = 30, 4
 # Share of the area that a symmetry leads to another limb, or farther. Of people, animals, fish and
@@ -147,11 +148,12 @@ def match(
     check_whole(n_matches, "n_matches", 1)
     check_whole(n_eigenpairs, "n_eigenpairs", _LEAST_EIGENPAIRS)
     torn = [partial in ("auto", "both", side) for side in ("source", "target")]
+    source, target = as_mesh(source), as_mesh(target)
+    labels, pairs = _labelled(landmarks, source, target)
     tell = progress or (lambda stage, share: None)
     tell("spectrum", 0.0)
     ours, theirs = prepare_shapes((source, target), n_eigenpairs, torn)
     tell("search", 0.0)
-    labels, pairs = _labelled(landmarks)
     ours, theirs = _led(ours, theirs, pairs)
     most = _bound_by_roundness(ours, theirs) if len(pairs) < 2 else 1.0
     sides = make_sides(ours.shape, theirs.shape)
@@ -264,7 +266,8 @@ def symmetry(
     True
     """
     check_whole(n_eigenpairs, "n_eigenpairs", _LEAST_EIGENPAIRS)
-    labels, pairs = _labelled(landmarks)
+    mesh = as_mesh(mesh)
+    labels, pairs = _labelled(landmarks, mesh, mesh)
     both = np.concatenate([pairs, pairs[:, ::-1]])
     vertices, counts = np.unique(np.unique(both, axis=0)[:, 0], return_counts=True)
     if (counts > 1).any():
@@ -316,12 +319,15 @@ def landmark_pairs(landmarks: npt.ArrayLike, name: str = "landmarks") -> IntArra
 
 
 def _labelled(
-    landmarks: npt.ArrayLike | Mapping[str, Any] | None,
+    landmarks: npt.ArrayLike | Mapping[str, Any] | None, source: Mesh, target: Mesh
 ) -> tuple[list[str], IntArray]:
-    """Give labels of landmarks, if they have any, and their vertices (l, 2)."""
-    if isinstance(landmarks, Mapping):
-        return list(landmarks), landmark_pairs(list(landmarks.values()))
-    return [], landmark_pairs([] if landmarks is None else landmarks)
+    """Give labels of landmarks, if they have any, and their vertices (l, 2), which exist."""
+    labels = list(landmarks) if isinstance(landmarks, Mapping) else []
+    given = list(landmarks.values()) if isinstance(landmarks, Mapping) else landmarks
+    pairs = landmark_pairs([] if given is None else given)
+    for vertices, mesh in zip(pairs.T, (source, target), strict=True):
+        vertex_ids(vertices, mesh.n_vertices, mesh.name)
+    return labels, pairs
 
 
 def _led(ours: Input, theirs: Input, pairs: IntArray) -> list[Input]:
