@@ -79,6 +79,9 @@ def test_positions_carried_through_faces_are_finer_than_through_vertices() -> No
     coarse = transfer(source.mesh.vertices, found)
     errors = [np.linalg.norm(one - target.mesh.vertices, axis=1).mean() for one in (fine, coarse)]
     assert errors[0] < 0.4 * errors[1]
+    equal = np.tile([2.7, -1 / 3], (source.mesh.n_vertices, 1))
+    carried = transfer(equal, found, source=source.mesh, target=target.mesh)
+    np.testing.assert_array_equal(np.unique(carried, axis=0), equal[:1])
 
 
 def test_body_parts_arrive_away_from_their_borders() -> None:

@@ -333,12 +333,15 @@ def checked_numbers(array: npt.NDArray[Any], kind: str) -> FloatArray:
 
 def _average(numbers: FloatArray, corners: IntArray, shares: FloatArray) -> FloatArray:
     carried = np.zeros((len(corners), *numbers.shape[1:]))
+    least, most = np.full_like(carried, np.inf), np.full_like(carried, -np.inf)
     for corner, share in zip(corners.T, shares.T, strict=True):
-        weight = share.reshape(-1, *[1] * (numbers.ndim - 1))
+        weight, given = share.reshape(-1, *[1] * (numbers.ndim - 1)), numbers[corner]
         # The NaN of a corner without a share must not enter the mean.
         with np.errstate(invalid="ignore"):  # the mean of both infinities is NaN
-            carried += np.where(weight > 0, weight * numbers[corner], 0)
-    return carried
+            carried += np.where(weight > 0, weight * given, 0)
+        least = np.where(weight > 0, np.minimum(least, given), least)
+        most = np.where(weight > 0, np.maximum(most, given), most)
+    return np.clip(carried, least, most)  # the mean of equal numbers is theirs
 
 
 def _vote(
