@@ -322,9 +322,10 @@ def _labelled(
     landmarks: npt.ArrayLike | Mapping[str, Any] | None, source: Mesh, target: Mesh
 ) -> tuple[list[str], IntArray]:
     """Give labels of landmarks, if they have any, and their vertices (l, 2), which exist."""
-    labels = list(landmarks) if isinstance(landmarks, Mapping) else []
-    given = list(landmarks.values()) if isinstance(landmarks, Mapping) else landmarks
-    pairs = landmark_pairs([] if given is None else given)
+    labels: list[str] = []
+    if isinstance(landmarks, Mapping):
+        labels, landmarks = list(landmarks), list(landmarks.values())
+    pairs = landmark_pairs([] if landmarks is None else landmarks)
     for vertices, mesh in zip(pairs.T, (source, target), strict=True):
         vertex_ids(vertices, mesh.n_vertices, mesh.name)
     return labels, pairs
@@ -360,12 +361,13 @@ def _warn_of_missed(result: Match, labels: list[str], pairs: IntArray) -> None:
 
 
 def _warn_of_misleading(rows: Sequence[int], labels: list[str], pairs: IntArray) -> None:
-    if len(rows):
-        names = [_named_landmark(row, labels, pairs) for row in rows]
-        told = " and ".join([*names[:2], *([f"{len(rows) - 2} more"] if len(rows) > 2 else [])])
+    names = [_named_landmark(row, labels, pairs) for row in rows]
+    if len(names) > 2:
+        names[2:] = [f"{len(names) - 2} more"]
+    if names:
         warn(
-            f"{told}: another map fits far better, so perhaps a landmark is wrong, or left and "
-            f"right are exchanged; the confidence is at most {_MISLED}"
+            f"{' and '.join(names)}: another map fits far better, so perhaps a landmark is wrong, "
+            f"or left and right are exchanged; the confidence is at most {_MISLED}"
         )
 
 

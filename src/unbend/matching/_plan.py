@@ -140,11 +140,11 @@ def onto_mirror_image(sides: Sides, first: Candidate) -> list[Candidate]:
     forms.
     """
     reflected = sides.reflected()._replace(maps=sides.maps[:BEAM])
-    found = best(reflected, COARSE, _proposed(reflected))[:1]
-    if found[0].cost >= first.cost:
+    found = ranked(_proposed(reflected))[0]
+    if found.cost >= first.cost:
         return []
     most = first.cost / _MIRRORED[first.cost >= constants.FEATURES]
-    return [one for one in lifted(reflected, found) if max(one.cost, FLOOR) < most]
+    return [one for one in lifted(reflected, [found]) if max(one.cost, FLOOR) < most]
 
 
 def misleading_landmarks(sides: Sides, found: Sequence[Candidate]) -> IntArray:
@@ -156,7 +156,7 @@ def misleading_landmarks(sides: Sides, found: Sequence[Candidate]) -> IntArray:
     first = found[0]
     if first.missed.all():
         return np.zeros(0, dtype=np.int64)
-    proposed = min(best(sides, COARSE, _proposed(sides)), key=lambda one: one.energy)
+    proposed = min(ranked(_proposed(sides)), key=lambda one: one.energy)
     least = min([*found, *lifted(sides, [proposed])], key=lambda one: one.energy)
     most = (1 + constants.NEARLY) * max(least.energy, constants.FEATURES)
     return np.flatnonzero(least.missed & ~first.missed & (first.energy > most))
