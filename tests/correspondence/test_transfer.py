@@ -273,6 +273,16 @@ def test_columns_of_whole_numbers_are_colours_or_numbers(values, kind) -> None:
     assert value_kind(np.array(values)) == kind
 
 
+def test_columns_are_no_colours_under_other_names() -> None:
+    for names in (
+        ["r", "g", "b"],
+        ["Red", "Green", "Blue", "Alpha"],
+        ["color_0", "color_1", "colour_2"],
+    ):
+        assert value_kind(np.full((1, len(names)), 9), names=names) == "color"
+    assert value_kind(np.full((1, 3), 9), names=["age", "weight", "score"]) == "scalar"
+
+
 def test_landmarks_that_cannot_be_carried_are_refused() -> None:
     for labels, vertices, problem in (
         (["a"], [0, 1], "2 landmarks need as many labels, not 1"),

@@ -163,7 +163,8 @@ def test_vertices_that_are_nobodys_image_ask_their_neighbours(blob: Mesh) -> Non
     "text",
     [
         "3,4\n5,6\n",
-        "a,b\n3,4\n5,6\n",
+        "Template,Scan\n3,4\n5,6\n",
+        "scan,template\n4,3\n6,5\n",
         "3;4\r\n\n5 6\n",
         "source,target\n3,4\n5,6\n",
         "Target vertex,source vertex\n4,3\n6,5\n",
@@ -181,7 +182,8 @@ def test_landmarks_of_other_programs(tmp_path: Path, text: str) -> None:
     ("text", "sentence"),
     [
         ("", "hints.csv is empty"),
-        ("a,b\n", "holds no landmarks"),
+        ("source,target\n", "holds no landmarks"),
+        ("cat,dog\n1,2\n", "columns are named 'cat,dog', which tells no direction"),
         ("label,vertex\n1,500\n", "holds vertices of one mesh; landmarks are pairs"),
         ('"","name","vertex"\n"1",nose,500\n', "holds vertices of one mesh; landmarks are pairs"),
         ("1,2\n3\n", "row 1 holds '3'; a landmark is two vertex numbers"),

@@ -181,6 +181,20 @@ def test_missing_numbers_are_no_words(tmp_path: Path, missing: str) -> None:
     assert read_values(path, n_vertices=3).tolist() == ["head", missing.strip('"'), "7"]
 
 
+def test_labels_of_digits_stay_as_they_are(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("part\n007\n10\nNA\n")
+    assert read_values(path).tolist() == ["007", "10", "NA"]
+    path.write_text(f"part\n{2**60}\nNA\n4\n")
+    assert read_values(path)[::2].tolist() == [2**60, 4]
+    write_values(path, read_values(path), np.eye(3), kind="label")
+    assert path.read_text().split() == ["label", "1.152921504606847e+18", "nan", "4"]
+    for missing in ("NA", "nan", ""):
+        path.write_text(f"part,side\n4,1\n{2**60 + 1},{missing}\n")
+        with pytest.raises(FileError, match="row 1 holds '1152921504606846977', which would be"):
+            read_values(path)
+
+
 def test_a_column_without_any_number_is_none(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text('NA\n""\nNA\n')
     assert read_values(tmp_path / "a.csv", n_vertices=3).tolist() == ["NA", "", "NA"]

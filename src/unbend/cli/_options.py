@@ -95,7 +95,8 @@ def count(name: str, least: int | None = 1) -> Any:
 
 # Of options that several commands take; the docstring of a command may say something else.
 HELP = {
-    "meshes": ".off, .obj, .ply, .stl, .vtk, .vtp, .xyz or .npy files, or folders of them.",
+    "meshes": ".off, .obj, .ply, .stl, .vtk or .vtp files, or folders of them; .xyz and .npy by "
+    "their names.",
     "mesh": "A .off, .obj, .ply, .stl, .vtk, .vtp, .xyz or .npy file, or one that others read.",
     "source": "The mesh to map from.",
     "target": "The mesh to map to.",

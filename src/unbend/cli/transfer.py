@@ -79,7 +79,8 @@ def transfer(
         if chosen != "label":
             unbend.correspondence.checked_numbers(array, chosen)
         if chosen == "scalar" and kind == "auto" and array.ndim == 2:
-            whole = (array == np.round(array)).all(axis=0) & (array != array[0]).any(axis=0)
+            whole = ((array == np.round(array)) | np.isnan(array)).all(axis=0)
+            whole &= (array != array[0]).any(axis=0)
             columns = [names[k] if names else f"{k + 1}" for k in np.flatnonzero(whole)]
             if columns:
                 output.say(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any, cast, get_args
 
@@ -21,6 +22,7 @@ from unbend.preparation import join_seams
 
 _GREY = 128
 _ROUNDING = 1e-6  # by which barycentric coordinates may miss a sum of one
+_COLOR_NAME = re.compile(r"colou?r_\d|r(ed)?|g(reen)?|b(lue)?|a(lpha)?")
 
 
 def transfer(
@@ -287,7 +289,8 @@ def as_point_map(
 def value_kind(array: npt.NDArray[Any], kind: str = "auto", names: Sequence[str] = ()) -> ValueKind:
     """Decide how values are carried, see :func:`transfer`: never ``"auto"``.
 
-    ``names`` are those of columns that :func:`unbend.io.read_named_values` gives.
+    ``names`` are those of columns that :func:`unbend.io.read_named_values` gives; under others than
+    those of colours, columns are none.
     """
     check_choice(kind, "kind", get_args(ValueKind))
     if kind != "auto":
@@ -299,8 +302,9 @@ def value_kind(array: npt.NDArray[Any], kind: str = "auto", names: Sequence[str]
         whole = len(known) > 0 and (np.isfinite(known) & (known == np.rint(known))).all()
         return "label" if whole and array[:1].size == 1 else "scalar"
     if array.dtype.kind in "iu" and array.ndim == 2 and array.shape[1] > 1:
-        is_color = array.shape[1] in (3, 4) and array.min() >= 0 and 1 < array.max() <= 255
-        return "color" if is_color else "scalar"
+        named = all(_COLOR_NAME.fullmatch(name.lower()) for name in names)
+        is_bytes = array.min() >= 0 and 1 < array.max() <= 255
+        return "color" if named and is_bytes and array.shape[1] in (3, 4) else "scalar"
     return "label"
 
 

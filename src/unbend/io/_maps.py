@@ -25,6 +25,7 @@ from unbend.io.formats.npy import read_array, write_array
 from unbend.mesh import edge_ends
 
 MAP_SUFFIXES = (".npy", ".txt", ".csv", ".vts")
+_SIDES = (("source", "target"), ("template", "scan"))  # what names of columns of landmarks hold
 
 
 def read_map(
@@ -136,9 +137,9 @@ def read_landmarks(
     """Read landmarks (l, 2): on each line a source vertex and the corresponding target vertex.
 
     The file is .csv or .txt, its numbers counted from 0 and separated by a comma or blanks. A .csv
-    file may begin with column names; a nameless first column, of names of rows, is left out, and in
-    ``target,source`` the target comes first. Raises FileError if it cannot be read or has other
-    lines, or numbers not below `n_source` and `n_target`.
+    file may begin with column names, ``source,target`` or ``template,scan`` in either order; a
+    nameless first column, of names of rows, is left out. Raises FileError if it cannot be read or
+    has other lines or names, or numbers not below `n_source` and `n_target`.
     """
     path = Path(path)
     data = read_bytes(path, (".csv", ".txt"))
@@ -154,7 +155,14 @@ def read_landmarks(
                 )
             if re.match(r'[\s"]*[,;]', header):  # names of rows, as pandas and R write them
                 rows = [row[1:] for row in rows]
-            if 0 <= header.find("target") < header.find("source"):
+            places = [[header.find(word) for word in words] for words in _SIDES]
+            first, second = next((two for two in places if min(two) >= 0), (0, 0))
+            if first == second:
+                raise FileError(
+                    f"its columns are named {header[:40]!r}, which tells no direction; name them "
+                    "source,target"
+                )
+            if second < first:
                 rows = [row[::-1] for row in rows]
         if not rows:
             raise FileError("holds no landmarks")
@@ -270,7 +278,8 @@ def whole_numbers(values: npt.NDArray[Any]) -> IntArray:
     """Accept whole numbers, also those that some program stored as floats."""
     if values.ndim != 1 or values.dtype.kind not in "iuf":
         raise FileError(
-            f"holds {values.dtype} of shape {values.shape}; a map is a list of vertex numbers"
+            f"holds {values.dtype} of shape {values.shape}; a map is a list of vertex numbers, "
+            "whose rows in .csv a column named vertex may number"
         )
     if not len(values):
         raise FileError("holds no rows")
@@ -278,7 +287,7 @@ def whole_numbers(values: npt.NDArray[Any]) -> IntArray:
     whole[whole] = values[whole] == np.floor(values[whole])
     if not whole.all():
         row = int(np.flatnonzero(~whole)[0])
-        raise FileError(f"row {row} is {values[row]}, which is not a vertex number")
+        raise FileError(f"row {row} is {values[row]}, which is not a vertex number (-1 for none)")
     return values.astype(np.int64)
 
 

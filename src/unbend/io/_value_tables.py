@@ -57,11 +57,15 @@ def read_table_of_values(
         if len(rows[0]) > 1:
             header, rows = _by_vertex(header, rows)
     numeric = [are_numbers(row) for row in rows]
-    if not all(numeric) and _are_numeric(rows):
+    if len(rows[0]) == 1 and any(re.fullmatch(r"0\d+", row[0]) for row in rows):
+        numeric = [False]  # as a number, the label 007 would become 7
+    elif not all(numeric) and _are_numeric(rows):
         rows, numeric = [_filled(row) for row in rows], [True]
     table = np.array(rows)
     if all(numeric):
         whole = all(word.lstrip("+-").isdecimal() for row in rows for word in row)
+        if not whole:
+            _refuse_inexact(rows)
         try:
             table = table.astype(np.int64 if whole else np.float64)
         except OverflowError:
@@ -143,6 +147,15 @@ def _refuse_decimal_commas(header: list[str], rows: list[list[str]]) -> None:
         if len(rows) == 1 or re.search(r"^-0,|,0\d", ",".join(row)):
             problem = ", whose commas may be decimal ones; write decimal points or column names"
             raise misfit(f"row {i}", ",".join(row), problem)
+
+
+def _refuse_inexact(rows: list[list[str]]) -> None:
+    """Refuse whole numbers that cannot stand beside NaN or fractions without being rounded."""
+    for i, row in enumerate(rows):
+        for word in row:
+            if word.lstrip("+-").isdecimal() and int(word) != float(word):
+                problem = ", which would be rounded beside NaN; begin labels with a letter"
+                raise misfit(f"row {i}", word, problem)
 
 
 def _refuse_numbers_as_labels(words: list[str]) -> None:

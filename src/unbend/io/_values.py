@@ -243,6 +243,8 @@ def write_values(
         )
     names = _names(names, columns.shape[1], kind, path)
     rows = (columns.astype(np.int64) if columns.dtype == bool else columns).tolist()
+    if kind == "label" and array.dtype.kind == "f":  # some are missing: whole numbers stay whole
+        rows = [[str(value).removesuffix(".0") for value in row] for row in rows]
     if suffix == ".npy":
         with atomic_write(path) as file:
             write_array(file, array)

@@ -159,6 +159,8 @@ def test_a_doubtful_match_has_a_warning_above_it(
         assert "place one to three landmarks, as with unbend view, and match again" in html
         assert "menu Map" in match_page(blob, blob, replace(one, alternatives=(one,))).html
         assert "menu Map" not in html
+        assert "each landmark" not in html
+        assert "each landmark" in match_page(blob, blob, one, landmarks=[[0, 7]]).html
 
 
 def test_few_partners_leave_no_morph(blob: Mesh) -> None:

@@ -77,7 +77,7 @@ class Page:
         """
         check_writable(path, _SUFFIXES)
         with atomic_write(path) as file:
-            file.write(self.html.encode("utf-8"))
+            file.write(self.html.encode("utf-8", "replace"))  # of names that no text can hold
 
     def open(self, path: StrPath | None = None) -> Path:
         """Write the page to a .html file, and open it in the browser that the system prefers.

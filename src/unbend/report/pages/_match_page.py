@@ -170,7 +170,7 @@ def match_page(
         ["match.js"],
         path=path,
         heading=heading,
-        band=words.doubt(known, mirror),
+        band=words.doubt(known, mirror, bool(named)),
     )
 
 

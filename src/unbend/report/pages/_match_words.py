@@ -15,7 +15,7 @@ WORST = 0.1  # the error at the end of the colour scale
 _SIDES = ("source", "target")
 
 
-def doubt(match: Match | None, mirror: bool) -> str:
+def doubt(match: Match | None, mirror: bool, landmarks: bool) -> str:
     """Warning above the page of a match that may well be wrong; empty for other matches."""
     if match is None or not is_doubtful(match.confidence):
         return ""
@@ -25,9 +25,10 @@ def doubt(match: Match | None, mirror: bool) -> str:
             "places on the left have the colours of their mirror partners on the right."
         )
     others = "from the menu Map" if match.alternatives else "by asking for alternatives"
+    exchanged = ", and whether each landmark is at one place on both" if landmarks else ""
     return (
         f"This match is doubtful: its confidence is {match.confidence:.2f}. Look whether the same "
-        "places have the same colour. If they do not, place one to three landmarks"
+        f"places have the same colour{exchanged}. If they do not, place one to three landmarks"
         f"{where_landmarks_help(match.landmark_hints)}, as with unbend view, and match again, or "
         f"take another map {others}."
     )
