@@ -125,7 +125,7 @@ def test_register_points_out_doubtful_shapes(registered, monkeypatch):
     assert f"unbend match {shapes / 'own_stones' / 'stone00.ply'} " in told[-1]
     assert "--landmarks" in told[-1]
     load = _registering._load
-    mirrored = ("the mirror image of the target fits far better",)
+    mirrored = ("the mirror image of the target fits better",)
     monkeypatch.setattr(_registering, "_load", lambda *given: (load(*given)[0], mirrored))
     told = run(*arguments, "--workers", 0).stdout.splitlines()
     assert told[-1].endswith("--report match.html; mirror those of the other side")

@@ -116,7 +116,7 @@ def test_a_mirror_image_is_told_and_matched_if_allowed(blob: Mesh) -> None:
     # Without a symmetry of its own the shape and its mirror image have one isometry, which turns
     # the surface inside out.
     image = Mesh(blob.vertices * MIRROR, blob.faces[:, ::-1])
-    with pytest.warns(UnbendWarning, match="mirror image of the target fits far better"):
+    with pytest.warns(UnbendWarning, match="mirror image of the target fits better"):
         kept = match(blob, image, refine=False)
     assert kept.confidence < 0.01
     allowed = match(blob, image, allow_mirror=True, barycentric=True)
@@ -130,7 +130,7 @@ def test_left_and_right_of_two_individuals_are_told() -> None:
     one, other = make_blob(2, lengths=(0.8, 0.5, 0.3)), make_blob(2, lengths=(0.8, 0.45, 0.33))
     other = Mesh(other.vertices * [1.1, 1, 0.95], other.faces)
     assert match(one, other, refine=False).confidence > 0.9
-    with pytest.warns(UnbendWarning, match="mirror image of the target fits far better"):
+    with pytest.warns(UnbendWarning, match="mirror image of the target fits better"):
         found = match(one, (other.vertices * MIRROR, other.faces[:, ::-1]), refine=False)
     assert found.confidence < 0.1
 
@@ -140,7 +140,15 @@ def test_left_and_right_that_end_at_different_places_are_told() -> None:
     one, other = make_blob(2, lengths=(1.5, 1, 0.7)), make_blob(2, lengths=(1.5, 0.95, 0.75))
     one, other = _ending(one, -0.96), _ending(other, -0.66)
     assert match(one, other, refine=False).confidence > 0.9
-    with pytest.warns(UnbendWarning, match="mirror image of the target fits far better"):
+    with pytest.warns(UnbendWarning, match="mirror image of the target fits better"):
+        found = match(one, (other.vertices * MIRROR, other.faces[:, ::-1]), refine=False)
+    assert found.confidence < 0.3
+
+
+def test_a_left_one_is_told_from_a_right_one_that_differs_more_than_their_sides() -> None:
+    one, other = make_blob(2, lengths=(0.6, 0.5, 0.4)), make_blob(2, lengths=(1.2, 0.5, 0.15))
+    assert match(one, other, refine=False).confidence > 0.9
+    with pytest.warns(UnbendWarning, match="mirror image of the target fits better"):
         found = match(one, (other.vertices * MIRROR, other.faces[:, ::-1]), refine=False)
     assert found.confidence < 0.3
 

@@ -173,7 +173,7 @@ def match(
         most = min(most, _MISLED)
     if other_hand:
         warn(
-            "the mirror image of the target fits far better, as if one were a left hand and the "
+            "the mirror image of the target fits better, as if one were a left hand and the "
             "other a right one: if so, mirror one (negate x and turn its faces), or match with "
             "allow_mirror=True (unbend match --allow-mirror)"
         )

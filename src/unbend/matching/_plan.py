@@ -40,10 +40,10 @@ from unbend.matching._shape import Proxy, Shape, make_proxy
 
 COARSE, MEDIUM = 0, 1  # levels of detail
 _SAMPLES = 64  # points of a shape, by which motions are compared
-# The best map costs so many times as much if the target is a mirror image: of shapes with few
-# features, and of others. Of symmetric ones it costs up to 1.1 and 1.6 times as much, and of those
-# with holes in mirrored poses 1.6.
-_MIRRORED = 1.5, 2.0
+# The best map costs so many times as much if the target is a mirror image: where the map onto that
+# costs less than `FEATURES`, since poses hardly differ, and elsewhere. Of shapes of one side and
+# symmetric ones it costs up to 1.1 and 1.6 times as much.
+_MIRRORED = 1 + constants.NEARLY, 2.0
 BEAM = constants.BEAM
 COARSE_WEIGHTS, MEDIUM_WEIGHTS = constants.DATA_WEIGHTS[2:5], constants.DATA_WEIGHTS[5:]
 
@@ -143,8 +143,9 @@ def onto_mirror_image(sides: Sides, first: Candidate) -> list[Candidate]:
     found = ranked(_proposed(reflected))[0]
     if found.cost >= first.cost:
         return []
-    most = first.cost / _MIRRORED[first.cost >= constants.FEATURES]
-    return [one for one in lifted(reflected, [found]) if max(one.cost, FLOOR) < most]
+    (turned,) = lifted(reflected, [found])
+    ratio = first.cost / max(turned.cost, FLOOR)
+    return [turned] if ratio > _MIRRORED[turned.cost >= constants.FEATURES] else []
 
 
 def misleading_landmarks(sides: Sides, found: Sequence[Candidate]) -> IntArray:
