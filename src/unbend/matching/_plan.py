@@ -40,10 +40,10 @@ from unbend.matching._shape import Proxy, Shape, make_proxy
 
 COARSE, MEDIUM = 0, 1  # levels of detail
 _SAMPLES = 64  # points of a shape, by which motions are compared
-# The best map costs so many times as much if the target is a mirror image: where the map onto that
-# costs less than `FEATURES`, since poses hardly differ, and elsewhere. Of shapes of one side and
-# symmetric ones it costs up to 1.1 and 1.6 times as much.
-_MIRRORED = 1 + constants.NEARLY, 2.0
+# The best map costs so many times as much if the target is a mirror image: of closed shapes, and of
+# others, where the map onto that costs less than `FEATURES`, as poses hardly differ; and elsewhere.
+# Of shapes of one side and symmetric ones it costs up to 1.1, 1.3 and 1.6 times as much.
+_MIRRORED = 1 + constants.NEARLY, 1.5, 2.0
 BEAM = constants.BEAM
 COARSE_WEIGHTS, MEDIUM_WEIGHTS = constants.DATA_WEIGHTS[2:5], constants.DATA_WEIGHTS[5:]
 
@@ -145,7 +145,8 @@ def onto_mirror_image(sides: Sides, first: Candidate) -> list[Candidate]:
         return []
     (turned,) = lifted(reflected, [found])
     ratio = first.cost / max(turned.cost, FLOOR)
-    return [turned] if ratio > _MIRRORED[turned.cost >= constants.FEATURES] else []
+    least = _MIRRORED[2 if turned.cost >= constants.FEATURES else sides.partial]
+    return [turned] if ratio > least else []
 
 
 def misleading_landmarks(sides: Sides, found: Sequence[Candidate]) -> IntArray:
