@@ -289,8 +289,8 @@ def as_point_map(
 def value_kind(array: npt.NDArray[Any], kind: str = "auto", names: Sequence[str] = ()) -> ValueKind:
     """Decide how values are carried, see :func:`transfer`: never ``"auto"``.
 
-    ``names`` are those of columns that :func:`unbend.io.read_named_values` gives; under others than
-    those of colours, columns are none.
+    ``names`` are those of columns that :func:`unbend.io.read_named_values` gives. Columns with
+    other names than those of colours are not taken for colours.
     """
     check_choice(kind, "kind", get_args(ValueKind))
     if kind != "auto":

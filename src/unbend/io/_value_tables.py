@@ -64,14 +64,15 @@ def read_table_of_values(
     table = np.array(rows)
     if all(numeric):
         whole = all(word.lstrip("+-").isdecimal() for row in rows for word in row)
-        if not whole:
-            _refuse_inexact(rows)
         try:
-            table = table.astype(np.int64 if whole else np.float64)
+            numbers = table.astype(np.int64 if whole else np.float64)
         except OverflowError:
             large = next(i for i, row in enumerate(rows) if any(len(word) > 18 for word in row))
             problem = ", more than 64 bits can hold"
             raise misfit(f"row {large}", " ".join(rows[large]), problem) from None
+        if not whole:
+            _refuse_rounded(table, numbers)
+        table = numbers
     elif table.shape[1] > 1:
         bad, problem = numeric.index(False), ", not numbers; keep labels in one column alone"
         problem += "; landmarks go into a .mrk.json file by unbend transfer"
@@ -149,13 +150,13 @@ def _refuse_decimal_commas(header: list[str], rows: list[list[str]]) -> None:
             raise misfit(f"row {i}", ",".join(row), problem)
 
 
-def _refuse_inexact(rows: list[list[str]]) -> None:
-    """Refuse whole numbers that cannot stand beside NaN or fractions without being rounded."""
-    for i, row in enumerate(rows):
-        for word in row:
-            if word.lstrip("+-").isdecimal() and int(word) != float(word):
-                problem = ", which would be rounded beside NaN; begin labels with a letter"
-                raise misfit(f"row {i}", word, problem)
+def _refuse_rounded(words: npt.NDArray[np.str_], numbers: npt.NDArray[Any]) -> None:
+    """Refuse whole numbers that beside NaN or fractions become others."""
+    for i, k in np.argwhere(np.abs(numbers) >= 2**53):  # floats skip numbers there
+        word = str(words[i, k])
+        if word.lstrip("+-").isdecimal() and int(word) != float(word):
+            problem = ", which would be rounded beside NaN; begin labels with a letter"
+            raise misfit(f"row {i}", word, problem)
 
 
 def _refuse_numbers_as_labels(words: list[str]) -> None:

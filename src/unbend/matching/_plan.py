@@ -133,7 +133,7 @@ def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]
 
 
 def onto_mirror_image(sides: Sides, first: Candidate) -> list[Candidate]:
-    """Return the map onto the target's mirror image if it costs far less than the best.
+    """Return the map onto the target's mirror image if it costs clearly less than the best.
 
     That happens if one shape is a left hand, and the other a right one; for symmetric bodies the
     two are about as good. If hands end at different places, spectra differ more than canonical
