@@ -41,6 +41,13 @@ def table(rows: Sequence[Sequence[str]], heads: Sequence[str] = ()) -> str:
     return "<table>" + "\n".join(lines) + "</table>"
 
 
+MIRROR_FITS = (
+    "the mirror image of the target fits better, as if one were a left hand and the other a right "
+    "one: if so, mirror one (negate x and turn its faces), or match with allow_mirror=True (unbend "
+    "match --allow-mirror)"
+)
+
+
 def where_landmarks_help(hints: Sequence[int]) -> str:
     """Name the source vertices where landmarks would help most, if there are any."""
     if not hints:

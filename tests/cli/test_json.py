@@ -83,8 +83,8 @@ SCHEMA: dict[str, dict[str, Any]] = {
     },
     "match a.ply b.ply --no-refine --n-matches 2 --no-cache": {
         "source": str, "target": str, "n_source": int, "n_target": int, "n_matched": int, **WAY,
-        "residual": MAYBE, "missed_landmarks": [int], "hypotheses": [dict], "alternatives": [WAY],
-        "expected_error": EXPECTED,
+        "residual": MAYBE, "mirror_fits": bool, "missed_landmarks": [int], "hypotheses": [dict],
+        "alternatives": [WAY], "expected_error": EXPECTED,
     },
     "symmetry a.ply --no-refine --no-cache": {
         "file": str, "n_vertices": int, "n_matched": int, "confidence": MAYBE, "orientation": MAYBE,

@@ -241,6 +241,8 @@ def test_doubt_is_said(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().err.endswith(
         ", or with --partial none if neither shape lacks a part\n"
     )
+    warn_if_doubtful(replace(poor, mirror_fits=True))
+    assert capsys.readouterr().err.startswith("warning: the mirror image of the target fits better")
     warn_if_doubtful(replace(poor, landmark_hints=(3, 1)))
     told = capsys.readouterr().err
     assert "another map is nearly as good" in told

@@ -33,6 +33,7 @@ BARE = Match(np.array([0]), np.array([0]), np.eye(1), 0.0, 0.0, 0.0)
 SEVERAL = replace(
     RIGHT,
     alternatives=(BARE,) * 11 + (RIGHT,),
+    mirror_fits=True,
     missed_landmarks=(0, 2),
     landmark_hints=(2,),
     disorder=0.25,
@@ -130,6 +131,7 @@ def test_what_is_no_match_is_refused(tmp_path: Path) -> None:
         ("expected_error", np.array([0.01, np.nan, np.nan])),
         ("expected_error", np.array([0.01, -0.2, np.nan])),
         ("expected_error", np.array([0.01, 0.2, 0.3])),  # the last vertex has no partner
+        ("mirror_fits", np.array(1.0)),
         ("mirrored", np.array([0, 1])),
         ("mirrored", np.array([0, 1, 2])),
     ],
@@ -197,7 +199,7 @@ def test_small_files_stay_small_in_memory(tmp_path: Path, name: str) -> None:
 def test_what_is_large_may_not_be_packed_too_small(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path, many = tmp_path / "match.npz", np.zeros(100_000, dtype=np.int64)
+    path, many = tmp_path / "match.npz", np.zeros(200_000, dtype=np.int64)
     write_match(path, Match(many, many, np.eye(1), 0.0, 0.0, 0.0))
     assert path.stat().st_size < many.nbytes / 200
     np.testing.assert_array_equal(read_match(path).source_to_target, many)  # not large

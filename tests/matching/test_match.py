@@ -130,9 +130,19 @@ def test_left_and_right_of_two_individuals_are_told() -> None:
     one, other = make_blob(2, lengths=(0.8, 0.5, 0.3)), make_blob(2, lengths=(0.8, 0.45, 0.33))
     other = Mesh(other.vertices * [1.1, 1, 0.95], other.faces)
     assert match(one, other, refine=False).confidence > 0.9
+    image = Mesh(other.vertices * MIRROR, other.faces[:, ::-1])
     with pytest.warns(UnbendWarning, match="mirror image of the target fits better"):
-        found = match(one, (other.vertices * MIRROR, other.faces[:, ::-1]), refine=False)
+        found = match(one, image, refine=False)
+    assert found.mirror_fits
     assert found.confidence < 0.1
+    # A wrong landmark does not hide that, and true ones are not said to be wrong.
+    low, high = one.vertices[:, 0].argmin(), one.vertices[:, 0].argmax()
+    with pytest.warns(UnbendWarning, match="mirror image of the target fits better"):
+        found = match(one, image, refine=False, landmarks=[[low, high]])
+    assert found.confidence < 0.1
+    with pytest.warns(UnbendWarning) as told:
+        match(one, image, refine=False, landmarks=[[low, low], [high, high]])
+    assert [str(each.message)[:17] for each in told] == ["the mirror image "]
 
 
 @pytest.mark.filterwarnings("ignore:mesh. .* unreferenced")

@@ -15,7 +15,7 @@ from typing import Any
 import typer
 
 import unbend
-from unbend._display import confidence_told, is_doubtful, where_landmarks_help
+from unbend._display import MIRROR_FITS, confidence_told, is_doubtful, where_landmarks_help
 from unbend._text import printable, quoted
 from unbend.errors import UnbendWarning
 
@@ -108,6 +108,9 @@ def show_warning(message: Warning | str, category: type[Warning], *_: Any, **__:
 def warn_if_doubtful(match: unbend.Match, *, seen: bool = False) -> None:
     """Warn of a match that may well be wrong; `seen` tells that a page of it was written."""
     if not is_doubtful(match.confidence):
+        return
+    if match.mirror_fits:
+        show_warning(MIRROR_FITS, UnbendWarning)
         return
     reason = "the shapes may differ too much, or be symmetric"
     if match.landmark_hints:

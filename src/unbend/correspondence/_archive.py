@@ -171,6 +171,10 @@ def _checked_match(arrays: _Arrays) -> Match:
             found[name] = np.nan
         else:
             found[name] = float(_in_range(name, _numbers(arrays, name, 0), *_RANGES[name]))
+    if "mirror_fits" in arrays:
+        if arrays["mirror_fits"].shape or arrays["mirror_fits"].dtype != bool:
+            raise FileError("its mirror_fits is neither true nor false")
+        found["mirror_fits"] = bool(arrays["mirror_fits"])
     if "mirrored" in arrays:
         found["mirrored"] = _vertices(arrays, "mirrored", n, m)
     if "expected_error" in arrays:

@@ -11,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._arrays import array_of, check_choice, check_whole
+from unbend._display import MIRROR_FITS
 from unbend._parallel import one_blas_thread, run_all
-from unbend._types import FloatArray, IntArray, Progress
+from unbend._types import IntArray, Progress
 from unbend.choices import Partial
 from unbend.errors import InputError, warn
 from unbend.io import MeshLike, as_mesh
@@ -34,6 +35,7 @@ from unbend.matching._plan import (
     misleading_landmarks,
     moved_share,
     onto_mirror_image,
+    without_landmarks,
 )
 from unbend.matching._polish import exact, refined, reranked, with_partners, without_extras
 from unbend.matching._result import Match, warn_of_disorder
@@ -162,27 +164,25 @@ def match(
     if allow_mirror:
         found = ranked([*found, *turned])
     tell("refine", 0.0)
-    (found, fine), other_hand, misleading = run_all(
+    rivals = [*found, *(without_landmarks(sides) if len(pairs) else [])]
+    (found, fine), other_hand = run_all(
         [
             functools.partial(reranked, sides, found, polish=refine),
-            functools.partial(onto_mirror_image, sides, found[0]) if not allow_mirror else list,
-            functools.partial(misleading_landmarks, sides, found) if len(pairs) else list,
+            functools.partial(onto_mirror_image, sides, rivals) if not allow_mirror else list,
         ]
     )
-    if len(misleading):
+    misleading = misleading_landmarks([*rivals, *other_hand])
+    if misleading:
         most = min(most, _MISLED)
     if other_hand:
-        warn(
-            "the mirror image of the target fits better, as if one were a left hand and the "
-            "other a right one: if so, mirror one (negate x and turn its faces), or match with "
-            "allow_mirror=True (unbend match --allow-mirror)"
-        )
+        warn(MIRROR_FITS)
     found = without_extras(sides, found, torn)
     whole = constants.SMALLEST_PART if partial == "auto" else 0.0
     finished = functools.partial(_finished, sides, polish=refine, least=whole)
 
     results = []
-    shares = _lead_shares([*other_hand, *found], sides)[len(other_hand) :]
+    costs = [one.energy for one in other_hand] + [one.cost for one in found]
+    shares = lead_shares(np.array(costs), sides.partial)[len(other_hand) :]
     given = distinct(sides, found, n_matches)
     for n_done, i in enumerate(given, 1):
         chosen = finished(found[i], fine)
@@ -195,7 +195,7 @@ def match(
             result = below_vertices(result, ours, theirs, chosen)
         results.append(result)
         tell("refine", n_done / len(given))
-    result = replace(results[0], alternatives=tuple(results[1:]))
+    result = replace(results[0], alternatives=tuple(results[1:]), mirror_fits=bool(other_hand))
     if mirrored:
         turned, fine = reranked(sides, turned, polish=refine)
         other = finished(without_extras(sides, turned, torn)[0], fine)
@@ -284,7 +284,8 @@ def symmetry(
     found = without_extras(sides, found, (True, True))
     chosen = _finished(sides, found[0], fine, polish=refine, least=constants.SMALLEST_PART)
     tell("refine", 1.0)
-    shares, apart = _lead_shares(found, sides), differences(sides, found)
+    shares = lead_shares(np.array([one.cost for one in found]), sides.partial)
+    apart = differences(sides, found)
     result = make_match(ours, theirs, sides, chosen, found, shares, apart)
     missed = sorted({row % len(pairs) for row in result.missed_landmarks})
     result = replace(result, missed_landmarks=tuple(missed))
@@ -386,7 +387,3 @@ def _bound_by_roundness(ours: Input, theirs: Input) -> float:
             f"so the confidence is at most {most:.2f}; give two landmarks, at different sides of it"
         )
     return most
-
-
-def _lead_shares(found: Sequence[Candidate], sides: Sides) -> FloatArray:
-    return lead_shares(np.array([one.cost for one in found]), sides.partial)

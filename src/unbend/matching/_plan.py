@@ -54,10 +54,10 @@ class Levels(NamedTuple):
     shape: Shape
     proxies: tuple[Proxy, Proxy]
 
-    def reflected(self) -> Levels:
-        """Take the shape as its mirror image."""
-        coarse, medium = (one._replace(shape=one.shape.reflected()) for one in self.proxies)
-        return Levels(self.shape.reflected(), (coarse, medium))
+    def changed(self, change: Callable[[Shape], Shape]) -> Levels:
+        """Change the shape and its proxies alike."""
+        coarse, medium = (one._replace(shape=change(one.shape)) for one in self.proxies)
+        return Levels(change(self.shape), (coarse, medium))
 
 
 class Sides(NamedTuple):
@@ -82,7 +82,12 @@ class Sides(NamedTuple):
 
     def reflected(self) -> Sides:
         """Take the target as its mirror image."""
-        return self._replace(target=self.target.reflected(), turned=not self.turned)
+        return self._replace(target=self.target.changed(Shape.reflected), turned=not self.turned)
+
+    def unled(self) -> Sides:
+        """Take both without their landmarks."""
+        mine, other = (one.changed(Shape.unled) for one in (self.source, self.target))
+        return self._replace(source=mine, target=other)
 
 
 Stage = Callable[[Sides, list[Candidate]], list[Candidate]]
@@ -132,36 +137,39 @@ def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]
     return ranks if level == MEDIUM else best(sides, MEDIUM, lifted(sides, ranked(found)))
 
 
-def onto_mirror_image(sides: Sides, first: Candidate) -> list[Candidate]:
-    """Return the map onto the target's mirror image if it costs clearly less than the best.
+def onto_mirror_image(sides: Sides, found: Sequence[Candidate]) -> list[Candidate]:
+    """Return the map onto the target's mirror image if it fits clearly better than all found.
 
     That happens if one shape is a left hand, and the other a right one; for symmetric bodies the
     two are about as good. If hands end at different places, spectra differ more than canonical
-    forms.
+    forms. Landmarks do not count, as no turn of a right hand brings them onto a left one.
     """
-    reflected = sides.reflected()._replace(maps=sides.maps[:BEAM])
-    found = ranked(_proposed(reflected))[0]
-    if found.cost >= first.cost:
-        return []
-    (turned,) = lifted(reflected, [found])
-    ratio = first.cost / max(turned.cost, FLOOR)
-    least = _MIRRORED[2 if turned.cost >= constants.FEATURES else sides.partial]
-    return [turned] if ratio > least else []
+    least = min(one.energy for one in found)
+    turned = without_landmarks(sides.reflected()._replace(maps=sides.maps[:BEAM]), least)
+    return [one for one in turned if least > _clearly(sides, one) * max(one.energy, FLOOR)]
 
 
-def misleading_landmarks(sides: Sides, found: Sequence[Candidate]) -> IntArray:
+def _clearly(sides: Sides, turned: Candidate) -> float:
+    return _MIRRORED[2 if turned.energy >= constants.FEATURES else sides.partial]
+
+
+def without_landmarks(sides: Sides, most: float = np.inf) -> list[Candidate]:
+    """Find the best map from spectra that no landmark draws, if its energy is below the most."""
+    unled = sides.unled()
+    found = lifted(unled, [one for one in ranked(_proposed(unled))[:1] if one.energy < most])
+    return [scored(*sides.at(MEDIUM), one.registered, sides.turned) for one in found]
+
+
+def misleading_landmarks(found: Sequence[Candidate]) -> list[int]:
     """Return the landmarks that the best map agrees with, and one that fits far better does not.
 
     One is wrong, or two were exchanged: true ones cost no more than maps that are nearly as good.
     Of shapes with few features, little shows.
     """
-    first = found[0]
-    if first.missed.all():
-        return np.zeros(0, dtype=np.int64)
-    proposed = min(ranked(_proposed(sides)), key=lambda one: one.energy)
-    least = min([*found, *lifted(sides, [proposed])], key=lambda one: one.energy)
+    first, least = found[0], min(found, key=lambda one: one.energy)
     most = (1 + constants.NEARLY) * max(least.energy, constants.FEATURES)
-    return np.flatnonzero(least.missed & ~first.missed & (first.energy > most))
+    wrong = least.missed & ~first.missed & (first.energy > most)
+    return [int(row) for row in np.flatnonzero(wrong)]
 
 
 def _proposed(sides: Sides) -> list[Candidate]:

@@ -82,6 +82,9 @@ class Match:
     alternatives : tuple of Match
         When asked for: the runners-up as full matches, each with its own confidence. A symmetric
         body has several maps that are equally good, and they share the probability.
+    mirror_fits : bool
+        Whether the target's mirror image fits clearly better, as if one shape were a left hand and
+        the other a right one. Then the map is wrong, and `confidence` next to 0.
     missed_landmarks : tuple of int
         Rows of the landmarks that were ignored, because they contradict the map.
     landmark_hints : tuple of int
@@ -108,6 +111,7 @@ class Match:
     confidence_bound: float = 1.0
     disorder: float = 0.0
     alternatives: tuple[Match, ...] = ()
+    mirror_fits: bool = False
     missed_landmarks: tuple[int, ...] = ()
     landmark_hints: tuple[int, ...] = ()
     expected_error: FloatArray | None = None

@@ -27,6 +27,7 @@ from unbend.mesh.decimation import decimate
 _SMALLEST_EIGENVALUE = 0.1
 # What is computed on demand and differs between a shape and its mirror image.
 _HANDED = ("normals", "boundary_edges", "conormals", "form")
+_OF_LANDMARKS = ("landmark_distances", "landmark_surroundings")
 _SCALINGS = 30  # steps towards a form of least stress
 
 
@@ -190,6 +191,14 @@ class Shape(ElasticSurface):
             position_coefficients=self.position_coefficients * flip,
         )
         return mirror
+
+    def unled(self) -> Shape:
+        """Return the same shape without landmarks."""
+        bare = copy(self)
+        for name in _OF_LANDMARKS:
+            bare.__dict__.pop(name, None)
+        bare.__dict__.update(landmarks=self.landmarks[:0])
+        return bare
 
 
 def make_shape(

@@ -161,6 +161,9 @@ def test_a_doubtful_match_has_a_warning_above_it(
         assert "menu Map" not in html
         assert "each landmark" not in html
         assert "each landmark" in match_page(blob, blob, one, landmarks=[[0, 7]]).html
+        other_side = match_page(blob, blob, replace(one, mirror_fits=True)).html
+        assert "because the mirror image of the target fits better" in other_side
+        assert "landmarks, as with unbend view" not in other_side
 
 
 def test_few_partners_leave_no_morph(blob: Mesh) -> None:

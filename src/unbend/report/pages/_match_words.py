@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from unbend._display import confidence_told, is_doubtful, table, where_landmarks_help
+from unbend._display import MIRROR_FITS, confidence_told, is_doubtful, table, where_landmarks_help
 from unbend.correspondence import THRESHOLDS, Evaluation
 from unbend.matching import Match
 from unbend.report.pages import _document as parts
@@ -23,6 +23,11 @@ def doubt(match: Match | None, mirror: bool, landmarks: bool) -> str:
         return (
             f"This symmetry is doubtful: its confidence is {match.confidence:.2f}. Look whether "
             "places on the left have the colours of their mirror partners on the right."
+        )
+    if match.mirror_fits:
+        return (
+            f"This match is doubtful: its confidence is {match.confidence:.2f}, because "
+            f"{MIRROR_FITS}."
         )
     others = "from the menu Map" if match.alternatives else "by asking for alternatives"
     exchanged = ", and whether each landmark is at one place on both" if landmarks else ""
