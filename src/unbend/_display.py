@@ -44,7 +44,7 @@ def table(rows: Sequence[Sequence[str]], heads: Sequence[str] = ()) -> str:
 MIRROR_FITS = (
     "the mirror image of the target fits better, as if one were a left hand and the other a right "
     "one: if so, mirror one (negate x and turn its faces), or match with allow_mirror=True (unbend "
-    "match --allow-mirror)"
+    "match --allow-mirror); of one symmetric body in two mirrored poses the map may be right"
 )
 
 

@@ -3,29 +3,35 @@
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from unbend._arrays import snap
 from unbend._parallel import run_all
 from unbend._text import plural
 from unbend._types import BoolArray, FloatArray, IntArray
+from unbend.deformation import closest_faces
 from unbend.errors import InputError, MeshError, heard, warn
 from unbend.io import MeshLike, as_mesh
 from unbend.matching import _constants as constants
+from unbend.matching._plan import Levels
 from unbend.matching._shape import Shape, longest_piece, make_shape
 from unbend.mesh import (
     LIKELY_OUTWARD,
     Mesh,
     find_components,
     find_edges,
+    label_linked,
     measure_corners,
     orient_consistently,
     outwardness,
     vertex_areas,
 )
+from unbend.mesh.decimation import decimate
 from unbend.mesh.refinement import refine
 from unbend.preparation import describe_seams, join_seams, restrict, surface_of_points
 from unbend.spectral import Surface, eigenpairs, make_surface
@@ -54,6 +60,7 @@ class Input(NamedTuple):
     own_faces: IntArray | None  # (m,) the mesh's face that each of `shape` lies on; of points, None
     own_corners: IntArray  # (m, 3) the vertices of `shape` that are its corners, in its winding
     corners: FloatArray | BoolArray  # (m, 3, 3) where on it each corner is, as weights of these
+    uncut: Input | None = None  # the mesh as it is, if `surface` has parts of it cut apart
 
     def local(self, vertices: IntArray) -> IntArray:
         """Turn vertices of the mesh into those of `shape` that stand for them."""
@@ -67,8 +74,19 @@ class Input(NamedTuple):
             raise InputError(f"{name}: vertex {vertex} is {why}; name another")
         return found
 
-    def on_own_faces(self, faces: IntArray, weights: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Turn points on faces of `shape` into points on faces of a mesh that has faces."""
+    def on_own_faces(
+        self, faces: IntArray, weights: FloatArray, partners: IntArray
+    ) -> tuple[IntArray, FloatArray]:
+        """Turn points on faces of `shape` into points on faces of a mesh that has faces.
+
+        Where parts are cut apart, they are faces around vertices of `shape`, the partners.
+        """
+        if self.uncut is not None:
+            given, places = self.uncut, self.surface.mesh.vertices
+            points = np.einsum("ij,ijk->ik", weights, places[self.shape.faces[faces]])
+            partners = given.representatives[self.kept[partners]]
+            around = given.surface.mesh.vertices, given.shape.faces, given.shape.fans, partners
+            return given.on_own_faces(*closest_faces(points, *around), partners)
         assert self.own_faces is not None
         return self.own_faces[faces], np.einsum("ikj,ik->ij", self.corners[faces], weights)
 
@@ -112,6 +130,64 @@ def prepare_shapes(
     if sum(one.surface.n_vertices for one in checked) > _SIDE_BY_SIDE:
         return [task() for task in tasks]
     return run_all(tasks)
+
+
+def cut_apart(
+    inputs: Sequence[Input], levels: Sequence[Levels], n_eigenpairs: int, count: int
+) -> list[Input]:
+    """Cut parts of either mesh that touch apart, such as a hand and a hip; empty if none seem to.
+
+    Then both have equally many handles. Meshes that are cut keep so many vertices at most.
+    """
+    tasks = zip(inputs, levels, strict=True)
+    options = run_all(functools.partial(_cut_or_not, *task, n_eigenpairs, count) for task in tasks)
+    for pair in itertools.product(*options):
+        if _n_handles(pair[0].shape.faces) == _n_handles(pair[1].shape.faces):
+            is_new = any(one is not given for one, given in zip(pair, inputs, strict=True))
+            return list(pair) if is_new else []
+    return []
+
+
+def _cut_or_not(given: Input, levels: Levels, n_eigenpairs: int, count: int) -> list[Input]:
+    """Choose from a mesh as it is, and before that, the surface of so many of its vertices.
+
+    That must have fewer handles, and join nothing that is far apart on the mesh.
+    """
+    if not (n_handles := _n_handles(given.shape.faces)) or given.own_faces is None:
+        return [given]
+    vertices = given.surface.mesh.vertices
+    chosen = np.arange(len(given.kept))
+    if len(chosen) > count:
+        chosen = np.sort(decimate(snap(vertices), given.shape.faces, count)[0])
+        chosen = chosen[chosen < len(given.kept)]
+    try:
+        with heard():
+            cut = _check_points(Mesh(vertices[chosen], name=given.surface.mesh.name))
+    except MeshError:
+        return [given]
+    edges = find_edges(cut.faces, cut.surface.n_vertices).ends
+    points = chosen[cut.kept]
+    ends = points[edges[(edges < len(points)).all(axis=1)]].T
+    if _n_handles(cut.faces) >= n_handles or (levels.apart(*ends) > constants.LIMB).any():
+        return [given]
+    nearest = cKDTree(vertices[points]).query(vertices)[1]
+    representatives = nearest[np.maximum(given.representatives, 0)]
+    found = _prepare(cut, n_eigenpairs, given.shape.partial)._replace(
+        kept=given.kept[points],
+        representatives=np.where(given.representatives < 0, -1, representatives),
+        away=given.away,
+        uncut=given,
+    )
+    return [found, given]
+
+
+def _n_handles(faces: IntArray) -> int:
+    """Twice the genus of a surface of which every vertex is in use, from Euler's formula."""
+    n = int(faces.max()) + 1
+    edges = find_edges(faces, n)
+    start, end = edges.ends[edges.n_faces == 1].T
+    n_rims = len(np.unique(label_linked((start, end), n)[start]))
+    return 2 - n_rims - (n - len(edges.ends) + len(faces))
 
 
 def _check(mesh: Mesh) -> _Checked:

@@ -18,7 +18,7 @@ from unbend.choices import Partial
 from unbend.errors import InputError, warn
 from unbend.io import MeshLike, as_mesh
 from unbend.matching import _constants as constants
-from unbend.matching._inputs import Input, prepare_shape, prepare_shapes
+from unbend.matching._inputs import Input, cut_apart, prepare_shape, prepare_shapes
 from unbend.matching._outcome import (
     as_taken,
     below_vertices,
@@ -46,6 +46,7 @@ _N_EIGENPAIRS, _LEAST_EIGENPAIRS = 30, 4
 # Share of the area that a symmetry leads to another limb, or farther. Of people, animals, fish and
 # insects it is 0.31 or more; if back and belly are exchanged, up to 0.26, but seldom above 0.2.
 _EXCHANGED = 0.28
+_FEW = 2000  # vertices with which it is tried first whether parts that touch are better cut apart
 # The highest confidence of a map that landmarks lead to and another one fits far better.
 _MISLED = 0.5
 
@@ -123,11 +124,11 @@ def match(
     Warns
     -----
     UnbendWarning
-        Of what was done to a mesh, as when it has several components or its faces are oriented
-        inward; of missed landmarks; of a map that is in disorder, so that part of it is wrong;
-        of shapes that are mirror images of each other; of landmarks that lead far from the best
-        map, whose confidence is then at most 0.5; and of a round shape, which does not show how far
-        it is turned, without two landmarks.
+        Of what was done to a mesh, as when it has several components, its faces are oriented
+        inward, or parts of it touch and are cut apart; of missed landmarks; of a map that is in
+        disorder, so that part of it is wrong; of shapes that are mirror images of each other; of
+        landmarks that lead far from the best map, whose confidence is then at most 0.5; and of a
+        round shape, which does not show how far it is turned, without two landmarks.
 
     References
     ----------
@@ -154,12 +155,10 @@ def match(
     labels, pairs = _labelled(landmarks, source, target)
     tell = progress or (lambda stage, share: None)
     tell("spectrum", 0.0)
-    ours, theirs = prepare_shapes((source, target), n_eigenpairs, torn)
+    inputs = prepare_shapes((source, target), n_eigenpairs, torn)
     tell("search", 0.0)
-    ours, theirs = _led(ours, theirs, pairs)
-    most = _bound_by_roundness(ours, theirs) if len(pairs) < 2 else 1.0
-    sides = make_sides(ours.shape, theirs.shape)
-    found = candidates(sides, progress)
+    most = _bound_by_roundness(*inputs) if len(pairs) < 2 else 1.0
+    (ours, theirs), sides, found = _search(inputs, pairs, n_eigenpairs, progress)
     turned = candidates(sides.reflected(), progress) if mirrored or allow_mirror else []
     if allow_mirror:
         found = ranked([*found, *turned])
@@ -191,7 +190,7 @@ def match(
         apart = differences(sides, ranks)
         result = make_match(ours, theirs, sides, chosen, ranks, shares[order], apart, most)
         result = replace(result, landmark_hints=landmark_hints(ours, sides, ranks, apart))
-        if barycentric and theirs.own_faces is not None:
+        if barycentric:
             result = below_vertices(result, ours, theirs, chosen)
         results.append(result)
         tell("refine", n_done / len(given))
@@ -276,7 +275,7 @@ def symmetry(
     tell("spectrum", 0.0)
     one = prepare_shape(mesh, n_eigenpairs, partial=True)
     tell("search", 0.0)
-    ours, theirs = _led(one, one, both)
+    ours, theirs = _led((one, one), both)
     sides = make_sides(ours.shape, theirs.shape).reflected()
     found = candidates(sides, progress)
     tell("refine", 0.0)
@@ -332,13 +331,44 @@ def _labelled(
     return labels, pairs
 
 
-def _led(ours: Input, theirs: Input, pairs: IntArray) -> list[Input]:
+def _search(
+    inputs: Sequence[Input], pairs: IntArray, n_eigenpairs: int, progress: Progress | None
+) -> tuple[list[Input], Sides, list[Candidate]]:
+    """Find candidates, or if they fit better, those with parts that touch cut apart.
+
+    That is tried with few vertices first, if there are many.
+    """
+    given = _candidates(inputs, pairs, progress)
+    levels, most = (given[1].source, given[1].target), max(len(one.kept) for one in inputs)
+    for count in (_FEW, most) if most > 2 * _FEW else (most,):
+        if not (cut := cut_apart(inputs, levels, n_eigenpairs, count)):
+            return given
+        apart = _candidates(cut, pairs, progress)
+        if apart[-1][0].cost >= given[-1][0].cost:
+            return given
+    names = " and ".join(one.surface.mesh.name for one in cut if one.uncut)
+    warn(
+        f"{names}: some parts touch, as a hand and a hip may; they are matched as if these were "
+        "apart"
+    )
+    return apart
+
+
+def _candidates(
+    inputs: Sequence[Input], pairs: IntArray, progress: Progress | None
+) -> tuple[list[Input], Sides, list[Candidate]]:
+    led = _led(inputs, pairs)
+    sides = make_sides(*(one.shape for one in led))
+    return led, sides, candidates(sides, progress)
+
+
+def _led(inputs: Sequence[Input], pairs: IntArray) -> list[Input]:
     """Give the landmarks to the shapes; if there are none, these stay the same objects."""
     if not len(pairs):
-        return [ours, theirs]
+        return list(inputs)
     return [
         one._replace(shape=replace(one.shape, landmarks=one.local(vertices)))
-        for one, vertices in zip((ours, theirs), pairs.T, strict=True)
+        for one, vertices in zip(inputs, pairs.T, strict=True)
     ]
 
 

@@ -96,11 +96,14 @@ def landmark_hints(
 
 
 def below_vertices(result: Match, ours: Input, theirs: Input, chosen: Candidate) -> Match:
-    """Add where each source vertex falls within a face of the target."""
-    registered = chosen.registered
-    landing = landing_places(ours.shape, as_taken(theirs, chosen).shape, registered)
+    """Add where each source vertex falls within a face of the target, if that has faces."""
+    if (theirs.uncut or theirs).own_faces is None:
+        return result
+    registered, taken = chosen.registered, as_taken(theirs, chosen)
+    landing = landing_places(ours.shape, taken.shape, registered)
     faces, weights = theirs.on_own_faces(
-        *closest_faces(*landing, theirs.shape.faces, theirs.shape.fans, registered.forward)
+        *closest_faces(*landing, theirs.shape.faces, theirs.shape.fans, registered.forward),
+        _own_partners(ours, taken, registered),
     )
     faces = np.where(registered.source.overlap, faces, -1)
     weights = np.where(registered.source.overlap[:, None], weights, np.nan)

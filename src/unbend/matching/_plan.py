@@ -59,6 +59,12 @@ class Levels(NamedTuple):
         coarse, medium = (one._replace(shape=change(one.shape)) for one in self.proxies)
         return Levels(change(self.shape), (coarse, medium))
 
+    def apart(self, one: IntArray, other: IntArray) -> FloatArray:
+        """Geodesic distances between vertices of the shape, as its coarse copy has them."""
+        coarse, medium = self.proxies
+        places = coarse.parents[medium.parents]
+        return coarse.shape.distances[places[one], places[other]]
+
 
 class Sides(NamedTuple):
     """Two shapes to match, and the functional maps that bring their spectral forms close.

@@ -47,8 +47,9 @@ class Match:
     functional_map : (k, k) ndarray of float64
         Pulls functions back from target to source, in the first k eigenfunctions (the constant
         among them, unit total area) of the largest components, their long edges split if they are
-        coarse, or of the surfaces of point clouds: ``source_basis @ functional_map`` is close to
-        ``target_basis[source_to_target]`` where there are partners. It is
+        coarse, or of the surfaces of points, as of a cloud and of a mesh of which parts are cut
+        apart: ``source_basis @ functional_map`` is close to ``target_basis[source_to_target]``
+        where there are partners. It is
         ``source_basis.T @ diag(a) @ target_basis[source_to_target]`` for areas `a` of the source
         as shares of its whole area, but 0 where there is no partner.
     orientation : float
@@ -84,7 +85,8 @@ class Match:
         body has several maps that are equally good, and they share the probability.
     mirror_fits : bool
         Whether the target's mirror image fits clearly better, as if one shape were a left hand and
-        the other a right one. Then the map is wrong, and `confidence` next to 0.
+        the other a right one; then `confidence` is next to 0. A symmetric body in two mirrored
+        poses looks like that, too.
     missed_landmarks : tuple of int
         Rows of the landmarks that were ignored, because they contradict the map.
     landmark_hints : tuple of int
