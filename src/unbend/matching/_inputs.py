@@ -153,7 +153,7 @@ def _cut_or_not(given: Input, levels: Levels, n_eigenpairs: int, count: int) -> 
 
     That must have fewer handles, and join nothing that is far apart on the mesh.
     """
-    if not (n_handles := _n_handles(given.shape.faces)) or given.own_faces is None:
+    if (n_handles := _n_handles(given.shape.faces)) <= 0 or given.own_faces is None:
         return [given]
     vertices = given.surface.mesh.vertices
     chosen = np.arange(len(given.kept))
