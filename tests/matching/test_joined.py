@@ -27,7 +27,7 @@ def closed() -> Shape:
 def test_parts_that_have_grown_together_are_matched_as_if_apart(free: Shape, closed: Shape) -> None:
     grown = fuse(closed.mesh, random_state=0)
     apart = match(free.mesh, closed.mesh, refine=False)
-    with pytest.warns(UnbendWarning, match="some parts touch"):
+    with pytest.warns(UnbendWarning, match="some parts of human touch"):
         found = match(free.mesh, grown.mesh, refine=False, barycentric=True)
     there, here = closed.reference[grown.origin], free.reference
 

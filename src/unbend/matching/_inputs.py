@@ -170,12 +170,12 @@ def _cut_or_not(given: Input, levels: Levels, n_eigenpairs: int, count: int) -> 
     ends = points[edges[(edges < len(points)).all(axis=1)]].T
     if _n_handles(cut.faces) >= n_handles or (levels.apart(*ends) > constants.LIMB).any():
         return [given]
-    nearest = cKDTree(vertices[points]).query(vertices)[1]
-    representatives = nearest[np.maximum(given.representatives, 0)]
+    away, nearest = cKDTree(vertices[points]).query(vertices)
+    local, used = np.maximum(given.representatives, 0), given.representatives >= 0
     found = _prepare(cut, n_eigenpairs, given.shape.partial)._replace(
         kept=given.kept[points],
-        representatives=np.where(given.representatives < 0, -1, representatives),
-        away=given.away,
+        representatives=np.where(used, nearest[local], -1),
+        away=given.away + np.where(used, away[local] / np.sqrt(given.surface.area), 0),
         uncut=given,
     )
     return [found, given]

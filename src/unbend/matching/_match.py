@@ -39,7 +39,7 @@ from unbend.matching._plan import (
 )
 from unbend.matching._polish import exact, refined, reranked, with_partners, without_extras
 from unbend.matching._result import Match, warn_of_disorder
-from unbend.matching._score import Candidate, lead_shares, ranked, roundness_bound
+from unbend.matching._score import Candidate, lead_shares, nearly_as_good, ranked, roundness_bound
 from unbend.mesh import Mesh, vertex_ids
 
 _N_EIGENPAIRS, _LEAST_EIGENPAIRS = 30, 4
@@ -334,24 +334,30 @@ def _labelled(
 def _search(
     inputs: Sequence[Input], pairs: IntArray, n_eigenpairs: int, progress: Progress | None
 ) -> tuple[list[Input], Sides, list[Candidate]]:
-    """Find candidates, or if they fit better, those with parts that touch cut apart.
+    """Find candidates, or if they fit far better, those with parts that touch cut apart.
 
-    That is tried with few vertices first, if there are many.
+    That is tried unless poses hardly differ; with few vertices first, if there are many.
     """
-    given = _candidates(inputs, pairs, progress)
+    found = given = _candidates(inputs, pairs, progress)
+    if not given[1].partial and given[-1][0].energy < constants.FEATURES:
+        return given
     levels, most = (given[1].source, given[1].target), max(len(one.kept) for one in inputs)
     for count in (_FEW, most) if most > 2 * _FEW else (most,):
         if not (cut := cut_apart(inputs, levels, n_eigenpairs, count)):
-            return given
+            break
         apart = _candidates(cut, pairs, progress)
-        if apart[-1][0].cost >= given[-1][0].cost:
-            return given
-    names = " and ".join(one.surface.mesh.name for one in cut if one.uncut)
-    warn(
-        f"{names}: some parts touch, as a hand and a hip may; they are matched as if these were "
-        "apart"
-    )
-    return apart
+        if given[1].partial and not apart[1].partial:  # what may lack parts costs less
+            whole = [one._replace(shape=replace(one.shape, partial=False)) for one in inputs]
+            given = _candidates(whole, pairs, progress)
+        if nearly_as_good(given[-1][0], apart[-1][0]):
+            break
+        found = apart
+    if names := " and ".join(one.surface.mesh.name for one in found[0] if one.uncut):
+        warn(
+            f"some parts of {names} touch, as a hand and a hip may; they are matched as if these "
+            "were apart"
+        )
+    return found
 
 
 def _candidates(
