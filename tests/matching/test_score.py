@@ -19,9 +19,9 @@ from unbend.matching._plan import COARSE, MEDIUM, best
 from unbend.matching._registration import Pose, Registered
 from unbend.matching._score import (
     Candidate,
-    _missed,
     _unexplained,
     lead_shares,
+    missed_landmarks,
     nearly_as_good,
     plausibility,
     ranked,
@@ -314,13 +314,13 @@ def test_a_landmark_is_missed_where_either_map_leads_elsewhere() -> None:
     far = int(np.linalg.norm(shape.vertices - shape.vertices[400], axis=1).argmax())
     right, wrong = np.arange(n), np.arange(n)
     wrong[400] = far
-    assert _missed(shape, shape, right, right).tolist() == [False, False, False]
-    assert _missed(shape, shape, wrong, right).tolist() == [False, True, False]
-    assert _missed(shape, shape, right, wrong).tolist() == [False, True, False]
+    assert missed_landmarks(shape, shape, right, right).tolist() == [False, False, False]
+    assert missed_landmarks(shape, shape, wrong, right).tolist() == [False, True, False]
+    assert missed_landmarks(shape, shape, right, wrong).tolist() == [False, True, False]
     away = np.linalg.norm(shape.vertices - shape.vertices[400], axis=1)
     for off, missed in ((0.1, False), (0.2, True)):  # 0.15 is the limit
         wrong[400] = np.abs(away - off).argmin()
-        assert _missed(shape, shape, wrong, right)[1] == missed
+        assert missed_landmarks(shape, shape, wrong, right)[1] == missed
 
 
 def test_a_rough_cost_is_the_mean_of_both_ways() -> None:

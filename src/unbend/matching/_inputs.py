@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import functools
-import itertools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from unbend._arrays import snap
 from unbend._parallel import run_all
 from unbend._text import plural
 from unbend._types import BoolArray, FloatArray, IntArray
@@ -18,20 +16,17 @@ from unbend.deformation import closest_faces
 from unbend.errors import InputError, MeshError, heard, warn
 from unbend.io import MeshLike, as_mesh
 from unbend.matching import _constants as constants
-from unbend.matching._plan import Levels
 from unbend.matching._shape import Shape, longest_piece, make_shape
 from unbend.mesh import (
     LIKELY_OUTWARD,
     Mesh,
     find_components,
     find_edges,
-    label_linked,
     measure_corners,
     orient_consistently,
     outwardness,
     vertex_areas,
 )
-from unbend.mesh.decimation import decimate
 from unbend.mesh.refinement import refine
 from unbend.preparation import describe_seams, join_seams, restrict, surface_of_points
 from unbend.spectral import Surface, eigenpairs, make_surface
@@ -74,21 +69,24 @@ class Input(NamedTuple):
             raise InputError(f"{name}: vertex {vertex} is {why}; name another")
         return found
 
-    def on_own_faces(
-        self, faces: IntArray, weights: FloatArray, partners: IntArray
-    ) -> tuple[IntArray, FloatArray]:
-        """Turn points on faces of `shape` into points on faces of a mesh that has faces.
-
-        Where parts are cut apart, they are faces around vertices of `shape`, the partners.
-        """
-        if self.uncut is not None:
-            given, places = self.uncut, self.surface.mesh.vertices
-            points = np.einsum("ij,ijk->ik", weights, places[self.shape.faces[faces]])
-            partners = given.representatives[self.kept[partners]]
-            around = given.surface.mesh.vertices, given.shape.faces, given.shape.fans, partners
-            return given.on_own_faces(*closest_faces(points, *around), partners)
+    def on_own_faces(self, faces: IntArray, weights: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Turn points on faces of `shape` into points on faces of a mesh that has faces."""
         assert self.own_faces is not None
         return self.own_faces[faces], np.einsum("ikj,ik->ij", self.corners[faces], weights)
+
+    def on_uncut_faces(
+        self, faces: IntArray, weights: FloatArray, partners: IntArray
+    ) -> tuple[IntArray, FloatArray]:
+        """Turn points on faces of `shape` into the nearest on faces of `uncut` around its vertices.
+
+        These are the partners (n,), given as vertices of `shape`.
+        """
+        assert self.uncut is not None
+        whole, places = self.uncut, self.surface.mesh.vertices
+        points = np.einsum("ij,ijk->ik", weights, places[self.shape.faces[faces]])
+        nearest = whole.representatives[self.kept[partners]]
+        around = whole.surface.mesh.vertices, whole.shape.faces, whole.shape.fans, nearest
+        return closest_faces(points, *around)
 
 
 class _Checked(NamedTuple):
@@ -108,7 +106,7 @@ class _Checked(NamedTuple):
 def prepare_shape(mesh: MeshLike, n_eigenpairs: int, partial: bool = False) -> Input:
     """Check a mesh, compute its eigenpairs and normalise it."""
     (checked,) = _outward([_check(as_mesh(mesh))])
-    return _prepare(checked, n_eigenpairs, partial)
+    return prepare(checked, n_eigenpairs, partial)
 
 
 def prepare_shapes(
@@ -124,7 +122,7 @@ def prepare_shapes(
             f"of {other} outward; if so, the map exchanges left and right: turn the faces of one"
         )
     tasks = [
-        functools.partial(_prepare, one, n_eigenpairs, part)
+        functools.partial(prepare, one, n_eigenpairs, part)
         for one, part in zip(checked, partial, strict=True)
     ]
     if sum(one.surface.n_vertices for one in checked) > _SIDE_BY_SIDE:
@@ -132,67 +130,19 @@ def prepare_shapes(
     return run_all(tasks)
 
 
-def cut_apart(
-    inputs: Sequence[Input], levels: Sequence[Levels], n_eigenpairs: int, count: int
-) -> list[Input]:
-    """Cut parts of either mesh that touch apart, such as a hand and a hip; empty if none seem to.
-
-    Then both have equally many handles. Meshes that are cut keep so many vertices at most.
-    """
-    tasks = zip(inputs, levels, strict=True)
-    options = run_all(functools.partial(_cut_or_not, *task, n_eigenpairs, count) for task in tasks)
-    for pair in itertools.product(*options):
-        if _n_handles(pair[0].shape.faces) == _n_handles(pair[1].shape.faces):
-            is_new = any(one is not given for one, given in zip(pair, inputs, strict=True))
-            return list(pair) if is_new else []
-    return []
-
-
-def _cut_or_not(given: Input, levels: Levels, n_eigenpairs: int, count: int) -> list[Input]:
-    """Choose from a mesh as it is, and before that, the surface of so many of its vertices.
-
-    That must have fewer handles, and join nothing that is far apart on the mesh.
-    """
-    if (n_handles := _n_handles(given.shape.faces)) <= 0 or given.own_faces is None:
-        return [given]
-    vertices = given.surface.mesh.vertices
-    chosen = np.arange(len(given.kept))
-    if len(chosen) > count:
-        chosen = np.sort(decimate(snap(vertices), given.shape.faces, count)[0])
-        chosen = chosen[chosen < len(given.kept)]
-    try:
-        with heard():
-            cut = _check_points(Mesh(vertices[chosen], name=given.surface.mesh.name))
-    except MeshError:
-        return [given]
-    edges = find_edges(cut.faces, cut.surface.n_vertices).ends
-    points = chosen[cut.kept]
-    ends = points[edges[(edges < len(points)).all(axis=1)]].T
-    if _n_handles(cut.faces) >= n_handles or (levels.apart(*ends) > constants.LIMB).any():
-        return [given]
-    away, nearest = cKDTree(vertices[points]).query(vertices)
-    local, used = np.maximum(given.representatives, 0), given.representatives >= 0
-    found = _prepare(cut, n_eigenpairs, given.shape.partial)._replace(
-        kept=given.kept[points],
-        representatives=np.where(used, nearest[local], -1),
-        away=given.away + np.where(used, away[local] / np.sqrt(given.surface.area), 0),
-        uncut=given,
-    )
-    return [found, given]
-
-
-def _n_handles(faces: IntArray) -> int:
-    """Twice the genus of a surface of which every vertex is in use, from Euler's formula."""
-    n = int(faces.max()) + 1
-    edges = find_edges(faces, n)
-    start, end = edges.ends[edges.n_faces == 1].T
-    n_rims = len(np.unique(label_linked((start, end), n)[start]))
-    return 2 - n_rims - (n - len(edges.ends) + len(faces))
+def led(inputs: Sequence[Input], pairs: IntArray) -> list[Input]:
+    """Give landmarks (l, 2) to the shapes; if there are none, these stay the same objects."""
+    if not len(pairs):
+        return list(inputs)
+    return [
+        one._replace(shape=one.shape.led(one.local(vertices)))
+        for one, vertices in zip(inputs, pairs.T, strict=True)
+    ]
 
 
 def _check(mesh: Mesh) -> _Checked:
     if mesh.is_point_cloud:
-        return _check_points(mesh)
+        return check_points(mesh)
     joined, number = join_seams(mesh)
     largest, kept, own_faces = _largest(mesh, joined, number)
     surface = make_surface(largest)
@@ -237,7 +187,7 @@ def _outward(shapes: list[_Checked]) -> list[_Checked]:
     return shapes
 
 
-def _check_points(cloud: Mesh) -> _Checked:
+def check_points(cloud: Mesh) -> _Checked:
     found = surface_of_points(cloud)
     faces, point, vertex = found.mesh.faces, found.point_of_vertex, found.vertex_of_point
     if n_outliers := int((vertex < 0).sum()):
@@ -282,7 +232,7 @@ def _away(mesh: Mesh, surface: Surface, kept: IntArray, representatives: IntArra
     return away
 
 
-def _prepare(checked: _Checked, n_eigenpairs: int, partial: bool) -> Input:
+def prepare(checked: _Checked, n_eigenpairs: int, partial: bool) -> Input:
     surface = checked.surface
     pairs = eigenpairs(surface, min(n_eigenpairs, surface.n_vertices // 2))
     found = pairs.areas, pairs.eigenvalues, pairs.eigenfunctions

@@ -18,7 +18,7 @@ from unbend.choices import Partial
 from unbend.errors import InputError, warn
 from unbend.io import MeshLike, as_mesh
 from unbend.matching import _constants as constants
-from unbend.matching._inputs import Input, cut_apart, prepare_shape, prepare_shapes
+from unbend.matching._inputs import Input, led, prepare_shape, prepare_shapes
 from unbend.matching._outcome import (
     as_taken,
     below_vertices,
@@ -39,14 +39,14 @@ from unbend.matching._plan import (
 )
 from unbend.matching._polish import exact, refined, reranked, with_partners, without_extras
 from unbend.matching._result import Match, warn_of_disorder
-from unbend.matching._score import Candidate, lead_shares, nearly_as_good, ranked, roundness_bound
+from unbend.matching._score import Candidate, lead_shares, ranked, roundness_bound
+from unbend.matching._touching import search_apart
 from unbend.mesh import Mesh, vertex_ids
 
 _N_EIGENPAIRS, _LEAST_EIGENPAIRS = 30, 4
 # Share of the area that a symmetry leads to another limb, or farther. Of people, animals, fish and
 # insects it is 0.31 or more; if back and belly are exchanged, up to 0.26, but seldom above 0.2.
 _EXCHANGED = 0.28
-_FEW = 2000  # vertices with which it is tried first whether parts that touch are better cut apart
 # The highest confidence of a map that landmarks lead to and another one fits far better.
 _MISLED = 0.5
 
@@ -158,7 +158,7 @@ def match(
     inputs = prepare_shapes((source, target), n_eigenpairs, torn)
     tell("search", 0.0)
     most = _bound_by_roundness(*inputs) if len(pairs) < 2 else 1.0
-    (ours, theirs), sides, found = _search(inputs, pairs, n_eigenpairs, progress)
+    (ours, theirs), sides, found = search_apart(inputs, pairs, n_eigenpairs, progress)
     turned = candidates(sides.reflected(), progress) if mirrored or allow_mirror else []
     if allow_mirror:
         found = ranked([*found, *turned])
@@ -275,7 +275,7 @@ def symmetry(
     tell("spectrum", 0.0)
     one = prepare_shape(mesh, n_eigenpairs, partial=True)
     tell("search", 0.0)
-    ours, theirs = _led((one, one), both)
+    ours, theirs = led((one, one), both)
     sides = make_sides(ours.shape, theirs.shape).reflected()
     found = candidates(sides, progress)
     tell("refine", 0.0)
@@ -329,53 +329,6 @@ def _labelled(
     for vertices, mesh in zip(pairs.T, (source, target), strict=True):
         vertex_ids(vertices, mesh.n_vertices, mesh.name)
     return labels, pairs
-
-
-def _search(
-    inputs: Sequence[Input], pairs: IntArray, n_eigenpairs: int, progress: Progress | None
-) -> tuple[list[Input], Sides, list[Candidate]]:
-    """Find candidates, or if they fit far better, those with parts that touch cut apart.
-
-    That is tried unless poses hardly differ; with few vertices first, if there are many.
-    """
-    found = given = _candidates(inputs, pairs, progress)
-    if not given[1].partial and given[-1][0].energy < constants.FEATURES:
-        return given
-    levels, most = (given[1].source, given[1].target), max(len(one.kept) for one in inputs)
-    for count in (_FEW, most) if most > 2 * _FEW else (most,):
-        if not (cut := cut_apart(inputs, levels, n_eigenpairs, count)):
-            break
-        apart = _candidates(cut, pairs, progress)
-        if given[1].partial and not apart[1].partial:  # what may lack parts costs less
-            whole = [one._replace(shape=replace(one.shape, partial=False)) for one in inputs]
-            given = _candidates(whole, pairs, progress)
-        if nearly_as_good(given[-1][0], apart[-1][0]):
-            break
-        found = apart
-    if names := " and ".join(one.surface.mesh.name for one in found[0] if one.uncut):
-        warn(
-            f"some parts of {names} touch, as a hand and a hip may; they are matched as if these "
-            "were apart"
-        )
-    return found
-
-
-def _candidates(
-    inputs: Sequence[Input], pairs: IntArray, progress: Progress | None
-) -> tuple[list[Input], Sides, list[Candidate]]:
-    led = _led(inputs, pairs)
-    sides = make_sides(*(one.shape for one in led))
-    return led, sides, candidates(sides, progress)
-
-
-def _led(inputs: Sequence[Input], pairs: IntArray) -> list[Input]:
-    """Give the landmarks to the shapes; if there are none, these stay the same objects."""
-    if not len(pairs):
-        return list(inputs)
-    return [
-        one._replace(shape=replace(one.shape, landmarks=one.local(vertices)))
-        for one, vertices in zip(inputs, pairs.T, strict=True)
-    ]
 
 
 def _finished(

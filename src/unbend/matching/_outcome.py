@@ -101,10 +101,13 @@ def below_vertices(result: Match, ours: Input, theirs: Input, chosen: Candidate)
         return result
     registered, taken = chosen.registered, as_taken(theirs, chosen)
     landing = landing_places(ours.shape, taken.shape, registered)
-    faces, weights = theirs.on_own_faces(
-        *closest_faces(*landing, theirs.shape.faces, theirs.shape.fans, registered.forward),
-        _own_partners(ours, taken, registered),
+    faces, weights = closest_faces(
+        *landing, theirs.shape.faces, theirs.shape.fans, registered.forward
     )
+    if theirs.uncut is not None:
+        partners = _own_partners(ours, taken, registered)
+        faces, weights = theirs.on_uncut_faces(faces, weights, partners)
+    faces, weights = (theirs.uncut or theirs).on_own_faces(faces, weights)
     faces = np.where(registered.source.overlap, faces, -1)
     weights = np.where(registered.source.overlap[:, None], weights, np.nan)
     return replace(

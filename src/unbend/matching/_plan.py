@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -34,7 +35,7 @@ from unbend.matching._registration import (
     register,
     rough_start,
 )
-from unbend.matching._score import FLOOR, Candidate, ranked, rough_costs, scored
+from unbend.matching._score import FLOOR, Candidate, missed_landmarks, ranked, rough_costs, scored
 from unbend.matching._search import search
 from unbend.matching._shape import Proxy, Shape, make_proxy
 
@@ -92,8 +93,8 @@ class Sides(NamedTuple):
 
     def unled(self) -> Sides:
         """Take both without their landmarks."""
-        mine, other = (one.changed(Shape.unled) for one in (self.source, self.target))
-        return self._replace(source=mine, target=other)
+        bare = functools.partial(Shape.led, landmarks=self.source.shape.landmarks[:0])
+        return self._replace(source=self.source.changed(bare), target=self.target.changed(bare))
 
 
 Stage = Callable[[Sides, list[Candidate]], list[Candidate]]
@@ -156,14 +157,18 @@ def onto_mirror_image(sides: Sides, found: Sequence[Candidate]) -> list[Candidat
 
 
 def _clearly(sides: Sides, turned: Candidate) -> float:
-    return _MIRRORED[2 if turned.energy >= constants.FEATURES else sides.partial]
+    closed, open_ones, elsewhere = _MIRRORED
+    if turned.energy >= constants.FEATURES:
+        return elsewhere
+    return open_ones if sides.partial else closed
 
 
 def without_landmarks(sides: Sides, most: float = np.inf) -> list[Candidate]:
     """Find the best map from spectra that no landmark draws, if its energy is below the most."""
     unled = sides.unled()
     found = lifted(unled, [one for one in ranked(_proposed(unled))[:1] if one.energy < most])
-    return [scored(*sides.at(MEDIUM), one.registered, sides.turned) for one in found]
+    missed = functools.partial(missed_landmarks, *sides.at(MEDIUM))
+    return [replace(one, missed=missed(*one.registered[:2])) for one in found]
 
 
 def misleading_landmarks(found: Sequence[Candidate]) -> list[int]:

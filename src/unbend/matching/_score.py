@@ -56,7 +56,7 @@ def scored(source: Shape, target: Shape, found: Registered, reflected: bool = Fa
     energy = source.areas @ ahead + target.areas @ back + constants.WITHOUT * left_out.sum()
     ways = (source, target, found), (target, source, found.back())
     orientation = min(_right_side_out(*way) for way in ways)
-    missed = _missed(source, target, *found[:2])
+    missed = missed_landmarks(source, target, *found[:2])
     return Candidate(found, float(energy) / 2, orientation, reflected, missed)
 
 
@@ -75,7 +75,8 @@ def rough_costs(source: Shape, target: Shape, forward: IntArray, backward: IntAr
         for shape, goal, maps in ((source, target, forward), (target, source, backward))
     )
     missed = [
-        _missed(source, target, *maps).sum() for maps in zip(forward.T, backward.T, strict=True)
+        missed_landmarks(source, target, *maps).sum()
+        for maps in zip(forward.T, backward.T, strict=True)
     ]
     return np.asarray((ahead + back) / 2 + constants.MISSED * np.array(missed))
 
@@ -172,7 +173,10 @@ def _unexplained(shape: Shape, images: FloatArray, overlap: BoolArray) -> FloatA
     return np.where(overlap, np.maximum(1 - explained, 0), 0)
 
 
-def _missed(source: Shape, target: Shape, forward: IntArray, backward: IntArray) -> BoolArray:
+def missed_landmarks(
+    source: Shape, target: Shape, forward: IntArray, backward: IntArray
+) -> BoolArray:
+    """Tell which landmarks (l,) maps lead to another limb, in either direction."""
     ours, theirs = source.landmarks, target.landmarks
     if not len(ours):
         return np.zeros(0, dtype=bool)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -181,24 +182,25 @@ class Shape(ElasticSurface):
     def reflected(self) -> Shape:
         """Return the mirror image, its faces turned so that the same side stays outside."""
         flip = np.array([-1.0, 1.0, 1.0])
-        mirror = copy(self)  # all else is the same, and the factors and their lock are shared
-        for name in _HANDED:
-            mirror.__dict__.pop(name, None)
-        mirror.__dict__.update(
+        return self._changed(
+            _HANDED,
             vertices=self.vertices * flip,
             faces=np.ascontiguousarray(self.faces[:, ::-1]),
             # A proxy's are those of the fine shape, and cannot be computed anew.
             position_coefficients=self.position_coefficients * flip,
         )
-        return mirror
 
-    def unled(self) -> Shape:
-        """Return the same shape without landmarks."""
-        bare = copy(self)
-        for name in _OF_LANDMARKS:
-            bare.__dict__.pop(name, None)
-        bare.__dict__.update(landmarks=self.landmarks[:0])
-        return bare
+    def led(self, landmarks: IntArray) -> Shape:
+        """Return the same shape with such landmarks."""
+        return self._changed(_OF_LANDMARKS, landmarks=landmarks)
+
+    def _changed(self, computed: Sequence[str], **changes: Any) -> Shape:
+        """Copy it with changes, without some of what was computed; factors and lock are shared."""
+        other = copy(self)
+        for name in computed:
+            other.__dict__.pop(name, None)
+        other.__dict__.update(changes)
+        return other
 
 
 def make_shape(

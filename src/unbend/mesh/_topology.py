@@ -29,6 +29,13 @@ class Edges(NamedTuple):
     n_upward: IntArray  # how many of them walk from the lower to the higher vertex
     of_side: IntArray  # (3 m,) edge of side k, from corner k to the next, of face i, at 3 i + k
 
+    @property
+    def n_boundary_loops(self) -> int:
+        """Number of connected pieces of the boundary."""
+        boundary = self.ends[self.n_faces == 1]
+        labels = label_linked(boundary.T, int(self.ends.max(initial=0)) + 1)
+        return len(np.unique(labels[boundary[:, 0]]))
+
 
 def find_edges(faces: IntArray, n_vertices: int) -> Edges:
     """Collect the edges of faces that name three different vertices."""

@@ -17,7 +17,6 @@ from unbend.mesh import (
     find_components,
     find_edges,
     has_earlier_twin,
-    label_linked,
     measure_faces,
     orient_consistently,
     outwardness,
@@ -158,7 +157,7 @@ def diagnose(mesh: MeshLike) -> Diagnosis:
     n_used = int(components.n_vertices.sum())
     n_doubled = int((number != np.arange(mesh.n_vertices)).sum())
     boundary = edges.ends[edges.n_faces == 1]
-    loops = len(np.unique(label_linked(boundary.T, mesh.n_vertices)[boundary[:, 0]]))
+    loops = edges.n_boundary_loops
     non_manifold_edges = int((edges.n_faces > 2).sum())
     non_manifold_vertices = count_non_manifold_vertices(proper, edges)
     inconsistent = int(((edges.n_faces == 2) & (edges.n_upward != 1)).sum())

@@ -5,12 +5,14 @@ import pytest
 
 from tests.sheets import make_torus
 from testshapes.bodies import make_body
+from testshapes.damage import Damaged
 from testshapes.welding import fuse
 from unbend import match
 from unbend.datasets import Shape
 from unbend.errors import UnbendWarning
-from unbend.matching._inputs import cut_apart, prepare_shapes
+from unbend.matching._inputs import prepare_shapes
 from unbend.matching._plan import Levels, make_sides
+from unbend.matching._touching import cut_apart
 
 
 @pytest.fixture(scope="module")
@@ -24,8 +26,14 @@ def closed() -> Shape:
     return make_body("biped", 0, random_state=50, n_vertices=1500)
 
 
-def test_parts_that_have_grown_together_are_matched_as_if_apart(free: Shape, closed: Shape) -> None:
-    grown = fuse(closed.mesh, random_state=0)
+@pytest.fixture(scope="module")
+def grown(closed: Shape) -> Damaged:
+    return fuse(closed.mesh, random_state=0)
+
+
+def test_parts_that_have_grown_together_are_matched_as_if_apart(
+    free: Shape, closed: Shape, grown: Damaged
+) -> None:
     apart = match(free.mesh, closed.mesh, refine=False)
     with pytest.warns(UnbendWarning, match="some parts of human touch"):
         found = match(free.mesh, grown.mesh, refine=False, barycentric=True)
@@ -48,10 +56,9 @@ def test_parts_that_have_grown_together_are_matched_as_if_apart(free: Shape, clo
 
 
 def test_a_body_is_not_cut_where_its_vertices_alone_join_other_parts(
-    free: Shape, closed: Shape
+    free: Shape, grown: Damaged
 ) -> None:
-    grown = fuse(closed.mesh, random_state=0).mesh
-    inputs = prepare_shapes((free.mesh, grown), 30, (True, True))
+    inputs = prepare_shapes((free.mesh, grown.mesh), 30, (True, True))
     sides = make_sides(*(one.shape for one in inputs))
     levels = [sides.source, sides.target]
     same, cut = cut_apart(inputs, levels, 30, 9999)
@@ -60,7 +67,7 @@ def test_a_body_is_not_cut_where_its_vertices_alone_join_other_parts(
     both = cut_apart([inputs[1]] * 2, [levels[1]] * 2, 30, 9999)
     assert [one.uncut for one in both] == [inputs[1]] * 2
     assert not cut_apart([same, cut], levels, 30, 9999)
-    assert cut.local(np.arange(grown.n_vertices)).min() >= 0
+    assert cut.local(np.arange(grown.mesh.n_vertices)).min() >= 0
 
     class Far(Levels):
         def apart(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
