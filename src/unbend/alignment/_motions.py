@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -12,13 +13,18 @@ from scipy.spatial.transform import Rotation
 
 from unbend._arrays import snap, unit_vectors
 from unbend._compiled import compiled
+from unbend._parallel import run_all
 from unbend._types import BoolArray, FloatArray, IntArray
 
 _POINTS = 16, 48  # of the source, and of the target, that are laid onto each other
 _TURNS = 16  # about a normal
-_COMPARED = 1500  # motions, the best first, of which those that differ are taken
+# Motions are compared by so many samples, and so many are kept: more of both at once takes long.
+_LAID = (16, 6000), (64, 1500)
 _DIFFERENT, _CELL = 0.75, 0.25  # of the reach: so far apart; so large a cell of the grid
 _MOST_CELLS = 2**20  # as of a box of 5.5 square roots of the area; wires reach farther
+
+
+Grid = tuple[IntArray, FloatArray, float]  # (a, b, c) of points, its first middle, a cell's length
 
 
 class OrientedSurface(NamedTuple):
@@ -74,9 +80,11 @@ def find_motions(
         ours, theirs = source.samples[: _POINTS[0]], target.samples[: _POINTS[1]]
         pairs = np.repeat(ours, len(theirs)), np.tile(theirs, len(ours))
     motions = _motions_to_try(source, target, pairs, sizes)
-    laid = _share_laid(source, target, motions, reach)
-    laid += _share_laid(target, source, motions.inverse(), reach)
-    motions = motions.taken(np.argsort(-snap(laid), kind="stable")[:_COMPARED])
+    grids = run_all(functools.partial(_grid_around, one, reach) for one in (target, source))
+    for n_samples, most in _LAID:
+        ways = (source, target, motions, grids[0]), (target, source, motions.inverse(), grids[1])
+        laid = run_all(functools.partial(_areas_laid, *way, reach, n_samples) for way in ways)
+        motions = motions.taken(np.argsort(-snap(laid[0] + laid[1]), kind="stable")[:most])
     places = motions.moved(source.points[source.samples[: _POINTS[0]]])
     left = np.ones(len(places), dtype=bool)
     kept: list[int] = []
@@ -116,11 +124,8 @@ def _frames(normals: FloatArray) -> FloatArray:
     return np.stack([first, np.cross(normals, first), normals], axis=1)
 
 
-def _share_laid(
-    one: OrientedSurface, goal: OrientedSurface, motions: Motions, reach: float
-) -> FloatArray:
-    """Share of a surface's area (h,) that motions lay near its goal, facing as the goal does."""
-    # The goal's nearest point is looked up in a grid around it; -1 on the boundary.
+def _grid_around(goal: OrientedSurface, reach: float) -> Grid:
+    """Look up the nearest point of a surface in every cell; -1 where it is on the boundary."""
     corner = goal.points.min(axis=0) - reach
     extent = goal.points.max(axis=0) + reach - corner
     cell = max(_CELL * reach, float(np.cbrt(extent.prod() / _MOST_CELLS)))
@@ -128,9 +133,22 @@ def _share_laid(
     middles = corner + cell * np.moveaxis(np.indices(tuple(cells)), 0, -1)
     grid = cKDTree(goal.points).query(middles)[1]
     grid[goal.on_boundary[grid]] = -1
-    samples = one.points[one.samples], one.normals[one.samples], one.areas
+    return grid, corner, cell
+
+
+def _areas_laid(
+    one: OrientedSurface,
+    goal: OrientedSurface,
+    motions: Motions,
+    grid: Grid,
+    reach: float,
+    n_samples: int,
+) -> FloatArray:
+    """Area (h,) around the first samples that motions lay near a goal, facing as that does."""
+    samples = one.samples[:n_samples]
     laid = np.zeros(len(motions.sizes))
-    lay(samples, tuple(motions), (grid, corner, cell), goal.points, goal.normals, reach, laid)
+    of = one.points[samples], one.normals[samples], one.areas
+    lay(of, tuple(motions), grid, goal.points, goal.normals, reach, laid)
     return laid
 
 

@@ -319,7 +319,8 @@ def from_forms(sides: Sides, found: list[Candidate]) -> list[Candidate]:
 
 def _onto_forms(sides: Sides, count: int) -> list[Candidate]:
     coarse = sides.at(COARSE)
-    maps, motions = _motions(coarse, [one.form for one in coarse], count)
+    forms = run_all(functools.partial(getattr, one, "form") for one in coarse)
+    maps, motions = _motions(coarse, forms, count)
     starts = run_all(
         functools.partial(mapped_start, *coarse, *both, size, inside=True)
         for both, size in zip(maps, motions.sizes, strict=True)
