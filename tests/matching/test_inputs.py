@@ -121,6 +121,9 @@ def test_beside_what_is_matched_errors_are_larger_and_far_away_nothing_is_known(
     assert (found.expected_error[near] > away / np.sqrt(vertex_areas(mesh)[:162].sum())).all()
     assert (found.source_to_target[far] == -1).all()
     assert np.isnan(found.expected_error[far]).all()
+    areas = vertex_areas(mesh)
+    assert found.overlap_source == pytest.approx(1 - areas[far].sum() / areas.sum())
+    assert found.overlap_target == 1
     with (
         pytest.warns(UnbendWarning, match=told),
         pytest.raises(InputError, match="both: vertex 175 is far from the largest component"),

@@ -419,7 +419,8 @@ def test_only_what_the_other_shape_may_lack_has_no_partner(partial: str) -> None
     assert (matched == (torn.image >= 0)).mean() > 0.95
     areas = vertex_areas(egg)
     assert found.overlap_source == pytest.approx(areas[matched].sum() / areas.sum(), rel=0.02)
-    assert found.functional_map[0, 0] == pytest.approx(found.overlap_source)  # of the constants
+    # Of the constants, with the Laplacian's areas.
+    assert found.functional_map[0, 0] == pytest.approx(found.overlap_source, rel=0.03)
 
 
 @pytest.mark.usefixtures("_small_copies")

@@ -162,6 +162,14 @@ def test_unreferenced_vertices_have_no_area(blob):
         assert found.stiffness[[0, -1]].count_nonzero() == 0
 
 
+def test_it_is_told_that_a_seam_cuts_the_surface_open():
+    corners = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    apart = corners[[0, 1, 2, 0, 2, 3]], [[0, 1, 2], [3, 4, 5]]
+    with pytest.warns(UnbendWarning, match="2 boundary vertices .* the surface is cut open there"):
+        assert abs(laplacian(apart).stiffness[:3, 3:]).max() == 0
+
+
+@pytest.mark.filterwarnings("ignore:.*the surface is cut open there")
 def test_cotangent_of_a_degenerate_face_is_refused_by_number(blob):
     faces = np.vstack([blob.faces, [[0, 0, 1]]])
     with pytest.raises(MeshError, match=f"face {len(blob.faces)} has no area"):
@@ -191,11 +199,11 @@ def test_a_degenerate_face_keeps_its_number_whatever_is_left_out_before_it(blob)
 def test_a_face_is_flat_in_units_of_its_own_longest_edge():
     corner = np.array([[0, 0, 0], [1.0, 0, 0], [0, 1, 0]])
     faces = np.array([[0, 1, 2], [3, 4, 5]])
-    small = laplacian(Mesh(np.vstack([corner, corner * 1e-9]), faces), laplacian="cotangent")
+    small = laplacian(Mesh(np.vstack([corner + 1, corner * 1e-9]), faces), laplacian="cotangent")
     assert small.areas[3:].sum() == pytest.approx(0.5e-18)
     needle = [[0, 0, 0], [1, 0, 0], [1e-3, 1e-17, 0]]
     with pytest.raises(MeshError, match="face 1 has no area"):
-        laplacian(Mesh(np.vstack([corner, needle]), faces), laplacian="cotangent")
+        laplacian(Mesh(np.vstack([corner + 1, needle]), faces), laplacian="cotangent")
 
 
 def test_components_do_not_know_of_each_other(blob):

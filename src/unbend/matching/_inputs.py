@@ -52,6 +52,7 @@ class Input(NamedTuple):
     kept: IntArray  # (k,) the mesh's vertex, or nearest point, that each of the first of `shape` is
     representatives: IntArray  # (n,) what stands for each vertex of the mesh
     away: FloatArray  # (n,) how far from it that is, in square roots of the area
+    areas: FloatArray  # (n,) of the mesh or the cloud's surface, smaller components included
     own_faces: IntArray | None  # (m,) the mesh's face that each of `shape` lies on; of points, None
     own_corners: IntArray  # (m, 3) the vertices of `shape` that are its corners, in its winding
     corners: FloatArray | BoolArray  # (m, 3, 3) where on it each corner is, as weights of these
@@ -98,6 +99,7 @@ class _Checked(NamedTuple):
     kept: IntArray  # this and the following as of an Input
     representatives: IntArray
     away: FloatArray
+    areas: FloatArray
     own_faces: IntArray | None
     own_corners: IntArray
     corners: FloatArray | BoolArray
@@ -164,7 +166,8 @@ def _check(mesh: Mesh) -> _Checked:
     found[away > constants.LIMB] = -1
     own_corners = found[joined.faces[own_faces]]
     corners = faces[:, :, None] == own_corners[:, None, :]
-    checked = surface, faces, outward, kept, found, away, own_faces, own_corners, corners
+    places = outward, kept, found, away, vertex_areas(mesh)
+    checked = surface, faces, *places, own_faces, own_corners, corners
     return _without_long_edges(_Checked(*checked))
 
 
@@ -195,8 +198,10 @@ def check_points(cloud: Mesh) -> _Checked:
         warn(f"{cloud.name}: {n_outliers} {verb} not on its surface: -1 in a map")
     surface = make_surface(found.mesh)
     away = _away(cloud, surface, point, vertex)
+    areas = np.zeros(cloud.n_vertices)
+    areas[point] = vertex_areas(found.mesh)
     corners = np.broadcast_to(np.eye(3, dtype=bool), (len(faces), 3, 3))
-    checked = surface, faces, np.inf, point, vertex, away, None, faces, corners
+    checked = surface, faces, np.inf, point, vertex, away, areas, None, faces, corners
     return _without_long_edges(_Checked(*checked))
 
 

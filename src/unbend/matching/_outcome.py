@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from unbend._arrays import first_largest, snap
-from unbend._types import BoolArray, FloatArray, IntArray
+from unbend._types import FloatArray, IntArray
 from unbend.deformation import closest_faces
 from unbend.matching._inputs import Input, expand, expand_rows
 from unbend.matching._plan import MEDIUM, Sides, mean_differences
@@ -46,7 +46,6 @@ def make_match(
     left, right, registered = ours.shape, theirs.shape, chosen.registered
     source = sides.source.proxies[MEDIUM]
     means = mean_differences(sides, ranks[0], apart)
-    there, back = registered.source.overlap, registered.target.overlap
     in_disorder = disorder(left, right, chosen)
     bound = confidence_bound(in_disorder)
     plausible = min(plausibility(ranks[0].energy, in_disorder), most)
@@ -57,15 +56,18 @@ def make_match(
     partners = _own_partners(ours, taken, registered)
     # Beyond what the matcher knows, the next vertex of a coarse mesh may be far.
     errors += np.linalg.norm(right.vertices[registered.forward] - right.vertices[partners], axis=1)
+    there = registered.source.overlap
+    forward = expand(partners, there, ours, theirs)
+    backward = vertex_images(taken, ours, registered.back())
     return Match(
-        source_to_target=expand(partners, there, ours, theirs),
-        target_to_source=vertex_images(taken, ours, registered.back()),
+        source_to_target=forward,
+        target_to_source=backward,
         functional_map=_functional_map(left, right, registered.forward, left.areas * there),
         orientation=_orientation(chosen),
         residual=spectral_residual(left, right, registered),
         confidence=confidence,
-        overlap_source=_share(left, there),
-        overlap_target=_share(right, back),
+        overlap_source=_share_matched(ours, forward),
+        overlap_target=_share_matched(theirs, backward),
         confidence_bound=bound,
         disorder=in_disorder,
         hypotheses=tuple(
@@ -152,8 +154,10 @@ def _functional_map(
     )
 
 
-def _share(shape: Shape, overlap: BoolArray) -> float:
-    return 1.0 if overlap.all() else float(shape.areas @ overlap)
+def _share_matched(given: Input, images: IntArray) -> float:
+    """Share of the area of all that was given: far components and outliers have no partner."""
+    matched, areas = images >= 0, given.areas
+    return 1.0 if matched[areas > 0].all() else float(areas @ matched / areas.sum())
 
 
 def _orientation(one: Candidate) -> float:

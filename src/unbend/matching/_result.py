@@ -79,7 +79,8 @@ class Match:
         When asked for: the best map that turns the surface inside out, for a symmetric shape the
         map composed with its left-right symmetry.
     overlap_source, overlap_target : float
-        Share of either shape's area that has a partner on the other one, 0 to 1.
+        Share of either shape's area, all components included, that has a partner on the other
+        one, 0 to 1.
     alternatives : tuple of Match
         When asked for: the runners-up as full matches, each with its own confidence. A symmetric
         body has several maps that are equally good, and they share the probability.

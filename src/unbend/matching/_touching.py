@@ -112,6 +112,7 @@ def _cut_or_not(given: Input, levels: Levels, n_eigenpairs: int, count: int) -> 
         kept=given.kept[points],
         representatives=np.where(used, nearest[local], -1),
         away=given.away + np.where(used, away[local] / np.sqrt(given.surface.area), 0),
+        areas=given.areas,
         uncut=given,
     )
     return [found, given]

@@ -18,7 +18,14 @@ from unbend.choices import AreaKind, LaplacianKind
 from unbend.errors import MeshError, SolverError, warn
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import FACES_AT_ONCE, Mesh, has_earlier_twin, measure_corners, measure_faces
-from unbend.preparation import Prepared, check_area, check_size, prepare
+from unbend.preparation import (
+    Prepared,
+    check_area,
+    check_size,
+    describe_seams,
+    join_seams,
+    prepare,
+)
 from unbend.spectral._assembly import assemble_stiffness, mixed_voronoi
 from unbend.spectral._point_cloud import cloud_operator
 
@@ -86,8 +93,8 @@ def laplacian(
     -----
     UnbendWarning
         If the robust Laplacian changes the area of a mesh by more than a hundredth (it widens
-        triangles thinner than about 1e-5 of the mean edge), or if neighbouring points of a cloud
-        disagree about much of the surface.
+        triangles thinner than about 1e-5 of the mean edge), if neighbouring points of a cloud
+        disagree about much of the surface, or if seams, as of a texture, cut the surface open.
 
     Notes
     -----
@@ -103,6 +110,8 @@ def laplacian(
     array([0.25, 0.25, 0.25, 0.25])
     """
     mesh = as_mesh(mesh)
+    if seams := describe_seams(join_seams(mesh)[1], joined=False):
+        warn(f"{mesh.name}: {seams}")
     if laplacian == "auto":
         prepared = prepare(mesh, connected=False)
         laplacian, kept = choose_kind(laplacian, prepared), prepared.kept_faces
