@@ -56,6 +56,11 @@ def test_numbers_of_other_programs(tmp_path: Path) -> None:
         ("a.txt", "1\n1.5\n", "row 1 is 1.5, which is not a vertex number"),
         ("a.txt", "nan\n", "row 0 is nan"),
         ("a.txt", "3\n\n# a note\n5\n6\n", "row 1 is blank; write -1 for a vertex without image"),
+        (
+            "a.csv",
+            "target\n3\n\n5\n6\n",
+            "row 1 is blank; write NA for a value that is missing, or -1",
+        ),
         ("a.txt", "0\n-2\n", "row 1 is -2, but counted from 0 vertices are 0 or more"),
         ("a.vts", "1\n0\n", "row 1 is 0, but counted from 1 vertices are 1 or more"),
         ("a.obj", "1\n", "unknown suffix"),

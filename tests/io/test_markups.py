@@ -249,6 +249,8 @@ def pair(folder: Path, first: list[str], second: list[str]) -> list[list[int]]:
 def test_points_pair_by_label_or_else_by_order(tmp_path: Path) -> None:
     assert pair(tmp_path, ["nose", "tail"], ["tail", "nose"]) == [[0, 1], [1, 0]]
     assert pair(tmp_path, ["F-1", "F-2"], ["P-1", "P-2"]) == [[0, 0], [1, 1]]
+    assert pair(tmp_path, ["F-1", "F-2", "F-3"], ["3", "1", "2"]) == [[0, 1], [1, 2], [2, 0]]
+    assert pair(tmp_path, ["F-1", "F-2"], ["F-3", "F-4"]) == [[0, 0], [1, 1]]
     assert pair(tmp_path, ["", ""], ["", ""]) == [[0, 0], [1, 1]]
     with pytest.raises(InputError, match=r"2 points, .* 3: they must be pairs"):
         pair(tmp_path, ["a", "b"], ["c", "d", "e"])
@@ -294,6 +296,9 @@ def test_labels_of_several_points_pair_by_order_only_if_both_files_have_them_ali
 def test_labels_that_have_nothing_in_common_are_told(tmp_path: Path) -> None:
     with pytest.warns(UnbendWarning, match=r"no label in common.* paired by order"):
         assert pair(tmp_path, ["nose", "tail"], ["Nase", "Schwanz"]) == [[0, 0], [1, 1]]
+    for first, second in (["nose-1", "tail-2"], ["eye-9", "ear-7"]), (["1", "2"], ["F-9", "F-7"]):
+        with pytest.warns(UnbendWarning, match="paired by order"):
+            assert pair(tmp_path, first, second) == [[0, 0], [1, 1]]
     assert pair(tmp_path, ["nose", "tail"], ["F-1", "F-2"]) == [[0, 0], [1, 1]]
     assert pair(tmp_path, ["nose", "tail"], ["", ""]) == [[0, 0], [1, 1]]
 

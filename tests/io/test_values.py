@@ -44,7 +44,7 @@ def test_a_word_before_numbers_is_no_label(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"holds 2 rows, but there are 3 vertices$"):
         read_values(tmp_path / "a.csv", n_vertices=3)
     (tmp_path / "a.csv").write_text("label\n7\n\n8\n\n")  # of a spreadsheet
-    with pytest.raises(FileError, match=r"3 vertices; empty lines are no rows: write NA there$"):
+    with pytest.raises(FileError, match=r"row 1 is blank; write NA for a value that is"):
         read_values(tmp_path / "a.csv", n_vertices=3)
 
 
@@ -53,6 +53,7 @@ def test_a_word_before_numbers_is_no_label(tmp_path: Path) -> None:
     [
         ("", "a.csv is empty"),
         ("part\n", "holds no rows"),
+        ("part\n\n1.5\n2.5\n\n0.5\n", "row 2 is blank; write NA for a value that is missing"),
         ("1,2\n3\n", "row 1 has 1 entries, but row 0 has 2"),
         ('"","x"\n"2",4\n"3",5\n', "first column has no name, and does not number the rows"),
         ('"","x"\n"a",4\n"b",5\n', "first column has no name, and does not number the rows"),

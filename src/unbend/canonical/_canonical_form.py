@@ -57,7 +57,7 @@ class CanonicalForm(Brief):
         distances are not Euclidean.
     stress : float
         ``sqrt(sum (d_ij - |x_i - x_j|)^2 / sum d_ij^2)`` over all pairs of 32 random vertices with
-        exact distances d: 0 for a perfect embedding.
+        exact distances d: 0 for a perfect embedding. Other vertices may give a third more or less.
     distance, method, weighting, laplacian : str
         What was used, never ``"auto"``; `method` is ``"exact"`` or ``"sampled"``.
     area : float

@@ -194,8 +194,9 @@ def read_markup_pairs(
     """Read landmarks from a file for each of two meshes: labels of the first, and vertices (l, 2).
 
     Points are paired by label, in any case, if the files have labels in common, and left out with a
-    warning if only one has theirs; otherwise, or if the labels of both are the same in the same
-    order, by order, with a warning if the names differ.
+    warning if only one has theirs; by number if all that differs is what stands before it, as in
+    F-1 and P-1; otherwise, or if the labels of both are the same in the same order, by order, with
+    a warning if there are names or the numbers are not in order.
 
     Raises FileError if a file cannot be read, or the files fit the meshes far better the other way
     round; InputError if their points do not pair.
@@ -214,6 +215,9 @@ def read_markup_pairs(
     keys, its = labels, others
     if set(labels) != set(others):
         keys, its = ([label.strip().casefold() for label in one] for one in (labels, others))
+    numbers, its_numbers = _numbers(keys), _numbers(its)
+    if set(numbers) == set(its_numbers) and not set(keys) & set(its):
+        keys, its = numbers, its_numbers
     in_common = bool(set(keys) & set(its) - {""})
     if in_common and labels != others:
         for key, label in zip((*keys, *its), (*labels, *others), strict=True):
@@ -229,11 +233,22 @@ def read_markup_pairs(
             f"{paths[0]} has {plural(len(first), 'point')}, {paths[1]} {len(second):,}: they must "
             "be pairs"
         )
-    # Slicer itself calls points F-1 or the like.
-    named = (any(not re.fullmatch(r"(.*-)?\d+|", key) for key in one) for one in (keys, its))
-    if not in_common and all(named):
+    counted = [[int(one) for one in some] for some in (numbers, its_numbers) if some]
+    if not in_common and not (counted and all(one == sorted(one) for one in counted)):
         warn(f"{paths[0]} and {paths[1]} have no label in common: points are paired by order")
     return labels, np.column_stack([first, second])
+
+
+def _numbers(labels: list[str]) -> list[str]:
+    """Numbers of points that no one has named: Slicer calls them F-1 or the like. Else, none."""
+    if not any(labels):
+        return [str(i) for i in range(len(labels))]
+    found = [re.fullmatch(r"(.*-|)0*([0-9]{1,18})", label) for label in labels]
+    parts = [one.groups() for one in found if one]
+    numbers = [number for _, number in parts]
+    prefixes = {prefix for prefix, _ in parts}
+    alike = len(prefixes) == 1 and len(set(numbers)) == len(labels)
+    return numbers if alike else []
 
 
 def write_markups(

@@ -26,7 +26,8 @@ def read_table_of_values(
 
     Rows that are numbered like vertices are sorted, and the numbers are left out.
     """
-    lines = [line for line in text_lines(data, suffix[1:]) if re.match(r"\s*[^\s#]", line)]
+    every = text_lines(data, suffix[1:])
+    lines = [line for line in every if re.match(r"\s*[^\s#]", line)]
     header: list[str] = []
     if suffix == ".txt":
         rows = [re.sub(r"\s#.*", "", line).split() for line in lines]
@@ -52,6 +53,8 @@ def read_table_of_values(
         # An array of words gives each as much room as the longest.
         if max(map(len, row)) > _MOST_LETTERS:
             raise FileError(f"row {i} holds a word of more than {_MOST_LETTERS} letters")
+    if len(rows[0]) == 1 and len(rows) != n_vertices:
+        _refuse_blank_rows(every, header, n_vertices is None)
     if suffix == ".csv":
         _refuse_decimal_commas(header, rows)
         if len(rows[0]) > 1:
@@ -131,6 +134,19 @@ def _by_vertex(header: list[str], rows: list[list[str]]) -> tuple[list[str], lis
             "these are vertex numbers, else put another first"
         )
     return header, rows
+
+
+def _refuse_blank_rows(every: list[str], header: list[str], allow_doubled: bool) -> None:
+    """Refuse a blank line between rows of one value: the vertices after it would be shifted.
+
+    If newlines are doubled, as some programs write them, every second line is blank.
+    """
+    text = "\n".join(line.strip() for line in every if line.lstrip()[:1] != "#").strip()
+    lines = text.partition("\n")[2].strip().split("\n") if header else text.split("\n")
+    if "" in lines and (any(lines[1::2]) or not allow_doubled):
+        raise FileError(
+            f"row {lines.index('')} is blank; write NA for a value that is missing, or -1 in a map"
+        )
 
 
 def _refuse_decimal_commas(header: list[str], rows: list[list[str]]) -> None:

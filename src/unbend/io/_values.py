@@ -26,7 +26,6 @@ from unbend.io.formats.npy import read_array, write_array
 
 VALUE_SUFFIXES = (".npy", ".csv", ".txt")
 _OPAQUE = "the transparency of colours is not kept"
-_EMPTY_LINE = re.compile(rb"\n\s*\n\s*\S")
 _OF_CELLS = re.compile(rb"\nCELL_DATA|<CellData(?:[^>]*[^/])?>\s*<DataArray")  # of VTK
 _NORMAL = ("nx", "ny", "nz")
 # Columns of mesh files that are one value: colours, and texture coordinates by three programs.
@@ -117,10 +116,8 @@ def read_named_values(
             raise FileError("holds no rows")
         n = len(values)
         if n_vertices not in (None, n):
-            text = b"" if of_mesh or suffix == ".npy" else given
-            hint = "; empty lines are no rows: write NA there" if _EMPTY_LINE.search(text) else ""
             need = plural(n_vertices, "vertex")
-            raise FileError(f"holds {plural(n, 'row')}, but there are {need}{hint}")
+            raise FileError(f"holds {plural(n, 'row')}, but there are {need}")
     return values, names
 
 
