@@ -1,5 +1,6 @@
 """What is computed once for all tests that ask for it."""
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -14,6 +15,7 @@ def once(function: Callable[..., Any]) -> Callable[..., Any]:
     """
     known: dict[Any, Any] = {}
 
+    @functools.wraps(function)
     def call(*shapes: Mesh, **options: Any) -> Any:
         arrays = [one.tobytes() for shape in shapes for one in (shape.vertices, shape.faces)]
         key = *arrays, repr({name: one for name, one in options.items() if name != "progress"})

@@ -9,7 +9,9 @@ import io
 import re
 import shlex
 from collections import defaultdict
+from importlib import import_module
 from importlib.util import find_spec
+from inspect import isfunction
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -259,6 +261,16 @@ def test_every_public_name_is_in_the_reference():
     }
     for module, names in {"unbend": unbend.__all__, **folders}.items():
         assert sorted(listed[module]) == sorted(names)
+
+
+def test_every_function_in_the_reference_has_an_example():
+    shown = [
+        (name, getattr(import_module(module), name))
+        for module, names in listed_in_reference().items()
+        for name in names
+    ]
+    without = [name for name, one in shown if isfunction(one) and ">>> " not in one.__doc__]
+    assert without == []
 
 
 def test_names_on_pages_are_in_the_reference():

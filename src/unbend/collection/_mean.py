@@ -173,6 +173,20 @@ def write_mean(folder: StrPath, found: MeanShape) -> tuple[Path, ...]:
     ------
     FileError
         If something cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> from unbend import Mesh, register
+    >>> from unbend.collection import mean_shape, write_mean
+    >>> from unbend.datasets import make_sphere
+    >>> ball = make_sphere(2)
+    >>> same = np.arange(ball.n_vertices)
+    >>> eggs = [Mesh(ball.vertices * [1, 1, height], ball.faces) for height in (1.2, 1.4)]
+    >>> found = mean_shape([register(ball, egg, same) for egg in eggs], ball)
+    >>> [path.name for path in write_mean(tempfile.mkdtemp(), found)[:3]]
+    ['mean.ply', 'component_1_minus.ply', 'component_1_plus.ply']
     """
     folder = make_folder(folder)
     statistics = found.statistics

@@ -327,6 +327,22 @@ def read_registrations(folder: StrPath) -> tuple[Mesh, list[Registration], list[
     ------
     FileError
         If the folder has no such shapes, or a file in it cannot be read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from unbend import write_mesh
+    >>> from unbend.collection import Collection, read_registrations
+    >>> from unbend.datasets import make_sphere
+    >>> folder, ball = Path(tempfile.mkdtemp()), make_sphere(2)
+    >>> write_mesh(folder / "egg.ply", (ball.vertices * [1, 0.8, 0.6], ball.faces))
+    >>> shapes = Collection(folder / "shapes")
+    >>> _ = shapes.add(folder, workers=0)
+    >>> _ = shapes.register(folder / "egg.ply", folder / "registered", workers=0)
+    >>> template, registrations, failures = read_registrations(folder / "registered")
+    >>> template, len(registrations), failures
+    (Mesh(162 vertices, 320 faces), 1, [])
     """
     folder = Path(folder)
     templates = list(folder.glob("template.*"))

@@ -72,6 +72,18 @@ def write_match(
         If the file cannot be written.
     InputError
         If it is not a match.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from unbend import match, write_match
+    >>> from unbend.datasets import make_sphere
+    >>> ball, path = make_sphere(2), Path(tempfile.mkdtemp()) / "match.npz"
+    >>> egg = ball.vertices * [1, 0.8, 0.6], ball.faces
+    >>> write_match(path, match(egg, egg, refine=False), source=egg, target=egg)
+    >>> path.exists()
+    True
     """
     if not isinstance(match, Match):
         raise InputError(f"a {type(match).__name__} is no Match; write_map writes point maps")

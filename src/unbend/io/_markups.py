@@ -200,6 +200,19 @@ def read_markup_pairs(
 
     Raises FileError if a file cannot be read, or the files fit the meshes far better the other way
     round; InputError if their points do not pair.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from unbend.datasets import make_sphere
+    >>> from unbend.io import read_markup_pairs, write_markups
+    >>> ball, folder = make_sphere(2), Path(tempfile.mkdtemp())
+    >>> write_markups(folder / "a.mrk.json", ball, [7, 100], ["nose", "ear"])
+    >>> write_markups(folder / "b.mrk.json", ball, [90, 8], ["ear", "nose"])
+    >>> read_markup_pairs([folder / "a.mrk.json", folder / "b.mrk.json"], ball, ball)
+    (['nose', 'ear'], array([[  7,   8],
+           [100,  90]]))
     """
     if len(paths) != 2:
         raise InputError(f"landmarks of two meshes need two files, not {len(paths)}")
@@ -256,8 +269,18 @@ def write_markups(
 ) -> None:
     """Write vertices of a mesh as landmarks for 3D Slicer, a .mrk.json file.
 
-    See :func:`read_markups` for the reverse. Raises InputError for a vertex that the mesh lacks, or
-    another number of labels.
+    Raises InputError for a vertex that the mesh lacks, or another number of labels.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from unbend.datasets import make_sphere
+    >>> from unbend.io import read_markups, write_markups
+    >>> path = Path(tempfile.mkdtemp()) / "ball.mrk.json"
+    >>> write_markups(path, make_sphere(2), [7, 100], ["nose", "ear"])
+    >>> read_markups(path, make_sphere(2))
+    (['nose', 'ear'], array([  7, 100]))
     """
     path, mesh = check_writable(path, (".json",)), as_mesh(mesh)
     vertices = vertex_ids(vertices, mesh.n_vertices, mesh.name)

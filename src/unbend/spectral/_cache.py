@@ -41,7 +41,15 @@ class CacheInfo:
 
 
 def cache_folder() -> Path:
-    """Folder of the cache: ``UNBEND_CACHE_DIR``, or the user's cache folder of the platform."""
+    """Folder of the cache: ``UNBEND_CACHE_DIR``, or the user's cache folder of the platform.
+
+    Examples
+    --------
+    >>> from unbend.spectral import cache_folder, use_cache
+    >>> with use_cache("spectra"):
+    ...     cache_folder().name
+    'spectra'
+    """
     import platformdirs
 
     return Path(os.environ.get("UNBEND_CACHE_DIR") or platformdirs.user_cache_path("unbend"))
@@ -137,13 +145,37 @@ def store_eigenpairs(key: str, values: FloatArray, functions: FloatArray) -> Non
 
 
 def cache_info() -> CacheInfo:
-    """Count what the cache holds."""
+    """Count what the cache holds.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from unbend import spectrum
+    >>> from unbend.datasets import make_sphere
+    >>> from unbend.spectral import cache_info, use_cache
+    >>> with use_cache(tempfile.mkdtemp()):
+    ...     _ = spectrum(make_sphere(2), 9)
+    ...     cache_info().n_files
+    1
+    """
     sizes = [size for _, size, _ in _files()]
     return CacheInfo(cache_folder(), len(sizes), sum(sizes), _most_bytes())
 
 
 def clear_cache() -> int:
-    """Remove every cached spectrum; return how many there were. FileError if one cannot be."""
+    """Remove every cached spectrum; return how many there were. FileError if one cannot be.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from unbend import spectrum
+    >>> from unbend.datasets import make_sphere
+    >>> from unbend.spectral import clear_cache, use_cache
+    >>> with use_cache(tempfile.mkdtemp()):
+    ...     _ = spectrum(make_sphere(2), 9)
+    ...     clear_cache()
+    1
+    """
     files = list(_files())
     for path, _, _ in files:
         with file_errors(f"remove {path}"):
