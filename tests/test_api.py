@@ -184,7 +184,7 @@ def test_every_public_name_can_be_had_from_a_core_install():
         (lambda out: unbend.write_map(out.with_suffix(".txt"), RAGGED), "a map: rows have"),
         (lambda out: unbend.write_map(out.with_suffix(".txt"), [1], base=1.0), "base must be 0 or"),
         (lambda out: unbend.write_match(out.with_suffix(".npz"), EVERY), "a ndarray is no Match"),
-        (lambda out: unbend.match(np.empty((0, 3)), BALL), "mesh: there are no vertices"),
+        (lambda out: unbend.match(np.empty((0, 3)), BALL), "source: there are no vertices"),
         (lambda out: view(np.empty((0, 3))), "mesh: there are no vertices"),
         (lambda out: view(dog(n_vertices=500)), "a Shape is not a mesh, but has one: give its .m"),
         (

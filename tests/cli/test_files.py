@@ -193,6 +193,14 @@ def test_labels_that_a_program_stored_as_floats_stay_labels(folder: Path, suffix
         np.testing.assert_array_equal(read_values(out + suffix), carried)
 
 
+def test_infinite_values_count_as_carried(folder: Path) -> None:
+    np.save("far.npy", np.where(SAME < 9, np.inf, SAME / 7))
+    given = ["transfer", "a.ply", "b.ply", "--map", "map.npy", "--values", "far.npy"]
+    told = right(*given, "-o", "out.npy").stdout
+    assert "600 values (scalar)" in told
+    assert "of 600" not in told
+
+
 def test_labels_beside_other_columns_are_told_to_be_averaged(folder: Path) -> None:
     rows = [f"{1 + i % 3},{i / 7},0\n" for i in SAME]
     Path("some.csv").write_text("damage,depth,none\n" + "".join(rows))

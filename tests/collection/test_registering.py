@@ -185,6 +185,23 @@ def test_tables_that_a_run_did_not_finish_are_not_read(
     }
 
 
+def test_what_is_partly_registered_again_is_not_read(
+    own: tuple[Collection, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    collection, out = own
+
+    def attempt_all(*given: Any) -> list[Any]:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(_registering, "attempt_all", attempt_all)
+        with pytest.raises(KeyboardInterrupt):
+            collection.register(out / "template.obj", out, partial="none", workers=0)
+    with pytest.raises(FileError, match="holds no registered shapes, or not all yet"):
+        read_registrations(out)
+    collection.register(out / "template.obj", out, workers=0)
+
+
 def test_new_landmarks_register_a_shape_again_and_only_that_and_stay_until_others_are_given(
     own: tuple[Collection, Path],
 ) -> None:

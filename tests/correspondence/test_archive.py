@@ -13,6 +13,7 @@ import pytest
 from unbend.correspondence import _archive, read_match, write_match
 from unbend.errors import FileError
 from unbend.matching import Hypothesis, Match
+from unbend.mesh import Mesh
 
 RIGHT = Match(
     source_to_target=np.array([1, 0, -1]),
@@ -236,6 +237,16 @@ def test_what_numpy_would_not_write_is_refused(tmp_path: Path) -> None:
                 archive.writestr(name, data)
         with pytest.raises(FileError, match=sentence):
             read_match(path)
+
+
+def test_two_poses_that_are_exchanged_are_refused(tmp_path: Path) -> None:
+    path, (one, other) = tmp_path / "match.npz", (Mesh(np.eye(3) * size) for size in (1, 2))
+    names = {"source": Mesh(one.vertices, name="a"), "target": Mesh(other.vertices, name="b")}
+    same = np.arange(3)
+    write_match(path, Match(same, same, np.eye(1), 1.0, 0.0, 1.0), source=one, target=other)
+    assert (read_match(path, **names).source_to_target == same).all()
+    with pytest.raises(FileError, match=r"match\.npz: maps a to b: exchange source and target"):
+        read_match(path, source=names["target"], target=names["source"])
 
 
 def test_pickles_are_never_opened(tmp_path: Path) -> None:

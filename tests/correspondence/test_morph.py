@@ -29,7 +29,7 @@ def test_the_ends_are_the_shapes(blob: Mesh, side: int) -> None:
     np.testing.assert_array_equal(start.vertices, blob.vertices)
     np.testing.assert_allclose(end.vertices, target.vertices, atol=1e-12)
     np.testing.assert_array_equal(end.faces, blob.faces)
-    assert [one.name for one in (start, end)] == ["blob to mesh at 0", "blob to mesh at 1"]
+    assert [one.name for one in (start, end)] == ["blob to target at 0", "blob to target at 1"]
     for near, t in ((blob, 1e-6), (target, 1 - 1e-6)):
         close = morph(blob, target, every, t).vertices
         np.testing.assert_allclose(close, near.vertices, atol=1e-4)

@@ -201,7 +201,7 @@ def test_meshes_must_be_those_of_the_match(blob: Mesh) -> None:
             transfer(every, _identity(blob), **pair)
         with pytest.raises(InputError, match="the map has 642"):  # within faces or not
             transfer(every, _match(np.arange(642), np.arange(642)), **pair)
-    with pytest.raises(InputError, match="the map has 642 source vertices, but mesh has 3"):
+    with pytest.raises(InputError, match="the map has 642 source vertices, but source has 3"):
         transfer(every, np.arange(642), source=small, target=blob)
     with pytest.raises(InputError, match="names target vertex 641"):
         transfer(every, np.arange(642), target=small)

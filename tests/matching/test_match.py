@@ -145,7 +145,7 @@ def test_left_and_right_of_two_individuals_are_told() -> None:
     assert [str(each.message)[:17] for each in told] == ["the mirror image "]
 
 
-@pytest.mark.filterwarnings("ignore:mesh. .* unreferenced")
+@pytest.mark.filterwarnings("ignore:(source|target). .* unreferenced")
 def test_left_and_right_that_end_at_different_places_are_told() -> None:
     one, other = make_blob(2, lengths=(1.5, 1, 0.7)), make_blob(2, lengths=(1.5, 0.95, 0.75))
     one, other = _ending(one, -0.96), _ending(other, -0.66)

@@ -43,9 +43,10 @@ def canonical(
 ) -> None:
     """Compute the canonical form of meshes: a pose-invariant version of each shape.
 
-    The form has the vertices of the mesh, in the same order. It has unit area unless --keep-scale
-    is given. Several meshes get one table, and a file each in the format of the mesh if that holds
-    the form, else .ply or .npy; those that cannot be used are listed, with exit code 1.
+    The form has the vertices of the mesh, in the same order. Its unit of length is the square root
+    of the mesh's area, unless --keep-scale is given. Several meshes get one table, and a file each
+    in the format of the mesh if that holds the form, else .ply or .npy; those that cannot be used
+    are listed, with exit code 1.
 
       out: Where to write the form: .ply, .off, .obj, .glb or .vtp with the mesh's faces (dimension
           3; from .obj to .obj or .glb to .glb, textures and all else stay), .npy or .csv (any

@@ -130,7 +130,7 @@ def transfer(
     width = "" if carried.ndim == 1 else f" x {carried.shape[1]}"
     n_known = len(carried) if is_markup else len(carried) - lost
     if carried.dtype.kind == "f":
-        n_known = int(np.isfinite(carried.reshape(len(carried), -1)).any(axis=1).sum())
+        n_known = int((~np.isnan(carried)).reshape(len(carried), -1).any(axis=1).sum())
     count = f"{n_known:,}" if n_known == len(carried) else f"{n_known:,} of {len(carried):,}"
     told = {"source": source, "target": target, "values": values, "kind": chosen}
     told |= {"shape": carried.shape, "n_without_preimage": lost}

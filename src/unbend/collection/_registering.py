@@ -165,6 +165,9 @@ def _register(
         else:
             left.append(tasks[-1])
     lost = [] if store is None else without_file(done, store)
+    if any(task.result.exists() for task in left):
+        with file_errors(f"write into {folder}"):
+            (folder / _TABLE).unlink(missing_ok=True)  # it lists what is now replaced
     with workers as run:
         failed = attempt_all(run, register_shape, left, "shapes", progress)
     every = (*failures, *lost, *failed)

@@ -6,6 +6,7 @@ import io
 import math
 import re
 import zipfile
+from collections.abc import Sequence
 from dataclasses import MISSING, fields, replace
 from hashlib import blake2b
 from pathlib import Path
@@ -159,9 +160,11 @@ def read_match(
                 raise FileError(f"holds no {folder}/{min(missing)}")
         match, *alternatives = (_checked_match(arrays) for arrays in folders.values())
         sizes = len(match.source_to_target), len(match.target_to_source)
-        for mesh, size, known in zip((source, target), sizes, hashes, strict=True):
+        given = [None if mesh is None else as_mesh(mesh) for mesh in (source, target)]
+        _check_direction(given, hashes)
+        for mesh, size, known in zip(given, sizes, hashes, strict=True):
             if mesh is not None:
-                _check_mesh(as_mesh(mesh), size, known)
+                _check_mesh(mesh, size, known)
         return replace(match, alternatives=tuple(alternatives))
 
 
@@ -306,6 +309,19 @@ def mesh_hashes(mesh: Mesh) -> list[int]:
     parts = [mesh.vertices.astype("<f8")] + [mesh.faces.astype("<i8")] * (mesh.n_faces > 0)
     digests = [blake2b(part.tobytes(), digest_size=8).digest() for part in parts]
     return [int.from_bytes(digest, "little") for digest in digests]
+
+
+def _check_direction(
+    given: Sequence[Mesh | None], hashes: Sequence[npt.NDArray[Any] | None]
+) -> None:
+    """Raise FileError if both meshes are given, and are those of the other side."""
+    known = [[] if one is None else one.ravel().tolist()[:1] for one in hashes]
+    positions = [mesh_hashes(one)[:1] for one in given if one is not None]
+    if positions == known[::-1] != known:
+        source, target = (one.name for one in given if one is not None)
+        raise FileError(
+            f"maps {target} to {source}: exchange source and target, or match them the other way"
+        )
 
 
 def _check_mesh(mesh: Mesh, n_vertices: int, hashes: npt.NDArray[Any] | None) -> None:

@@ -183,7 +183,7 @@ def evaluate(
     0.0
     """
     check_choice(distance, "distance", GEODESIC)
-    target = as_mesh(target)
+    target = as_mesh(target, "target")
     if target.is_point_cloud:
         raise MeshError(f"{target.name}: errors are measured along faces; this is a point cloud")
     images = as_point_map(match, target=target)

@@ -83,7 +83,7 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
     >>> np.linalg.norm(half.vertices, axis=1).round(6).tolist() == [2.0] * 162
     True
     """
-    source, target = as_mesh(source), as_mesh(target)
+    source, target = as_mesh(source, "source"), as_mesh(target, "target")
     if not is_number(t) or not np.isfinite(t):
         raise InputError(f"t must be a finite number, not {t!r}")
     warn_of_match(match, source)

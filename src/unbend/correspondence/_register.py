@@ -128,7 +128,7 @@ def register(
     >>> found.mesh, round(found.coverage, 3)
     (Mesh(642 vertices, 1280 faces), 1.0)
     """
-    template, scan = as_mesh(template), as_mesh(scan)
+    template, scan = as_mesh(template, "template"), as_mesh(scan, "scan")
     check_template(template)
     if match is None:
         scan = surface_of_points(scan).mesh if scan.is_point_cloud else scan

@@ -83,8 +83,8 @@ def transfer(
     >>> transfer(["head", "tail"], [0, 1], target=target)
     array(['head', 'tail', 'head'], dtype='<U4')
     """
-    source = None if source is None else as_mesh(source)
-    target = None if target is None else as_mesh(target)
+    source = None if source is None else as_mesh(source, "source")
+    target = None if target is None else as_mesh(target, "target")
     if isinstance(match, Match):
         warn_of_disorder(match)
     return carry(values, match, kind, source, target)
@@ -164,7 +164,7 @@ def transfer_landmarks(
     >>> transfer_landmarks(["nose", ""], [0, 2], [1, 2, 0], target)
     (['nose', '2'], array([1, 0]))
     """
-    target = as_mesh(target)
+    target = as_mesh(target, "target")
     images = as_point_map(match, target=target)
     given = vertex_ids(vertices, len(images), "the source")
     if len(labels) != len(given):

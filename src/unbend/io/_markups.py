@@ -216,7 +216,7 @@ def read_markup_pairs(
     """
     if len(paths) != 2:
         raise InputError(f"landmarks of two meshes need two files, not {len(paths)}")
-    a, b = _places(as_mesh(source)), _places(as_mesh(target))
+    a, b = _places(as_mesh(source, "source")), _places(as_mesh(target, "target"))
     labels, first, on_a = _read(Path(paths[0]), a)
     others, second, on_b = _read(Path(paths[1]), b)
     off = _off(on_a, a) + _off(on_b, b)

@@ -103,7 +103,7 @@ def file_extras(path: StrPath) -> list[str]:
     return [] if suffix in (".xyz", ".npy") else ["anything but the shape"]
 
 
-def as_mesh(mesh: MeshLike) -> Mesh:
+def as_mesh(mesh: MeshLike, name: str = "mesh") -> Mesh:
     """Turn anything that unbend accepts as a mesh into a :class:`Mesh`.
 
     Parameters
@@ -113,6 +113,8 @@ def as_mesh(mesh: MeshLike) -> Mesh:
         ``.faces`` (trimesh), or be a mesh or point cloud of Open3D, a mesh of meshio, a
         ``PolyData`` of PyVista or VTK, or a ``GiftiImage`` of nibabel. An (n, 3)
         array is a point cloud.
+    name : str, default="mesh"
+        What messages call a mesh that has no name of its own.
 
     Returns
     -------
@@ -133,16 +135,17 @@ def as_mesh(mesh: MeshLike) -> Mesh:
     Mesh(3 points)
     """
     if isinstance(mesh, Mesh):
-        return mesh
+        unnamed = mesh.name == "mesh" != name
+        return Mesh(mesh.vertices, mesh.faces, name=name, notes=mesh.notes) if unnamed else mesh
     given: Any = mesh
     if isinstance(given, (str, os.PathLike)):
         return read_mesh(given)
     if (found := mesh_of(given)) is not None:
-        return found
+        return as_mesh(found, name)
     if isinstance(given, tuple | list) and len(given) == 2:
-        return Mesh(*given)
+        return Mesh(*given, name=name)
     if isinstance(given, np.ndarray):
-        return Mesh(given)
+        return Mesh(given, name=name)
     if isinstance(getattr(given, "mesh", None), Mesh):
         raise InputError(f"a {type(given).__name__} is not a mesh, but has one: give its .mesh")
     raise InputError(

@@ -151,7 +151,7 @@ def match(
     check_whole(n_matches, "n_matches", 1)
     check_whole(n_eigenpairs, "n_eigenpairs", _LEAST_EIGENPAIRS)
     torn = [partial in ("auto", "both", side) for side in ("source", "target")]
-    source, target = as_mesh(source), as_mesh(target)
+    source, target = as_mesh(source, "source"), as_mesh(target, "target")
     labels, pairs = _labelled(landmarks, source, target)
     tell = progress or (lambda stage, share: None)
     tell("spectrum", 0.0)

@@ -100,7 +100,7 @@ def match_colors(
     >>> bool((ours == theirs).all())
     True
     """
-    source, target = as_mesh(source), as_mesh(target)
+    source, target = as_mesh(source, "source"), as_mesh(target, "target")
     colors = pattern_colors(used_vertices(source))
     carried = carry(colors, match, "scalar", source, target)
     carried[np.isnan(carried)] = _NO_PARTNER
