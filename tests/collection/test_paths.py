@@ -265,6 +265,19 @@ def test_a_search_counts_shapes_not_files(filled: Collection, own: Collection, t
     assert sorted(table.ravel()) == sorted(filled.distances()[1].ravel())
 
 
+def test_a_search_tells_which_files_of_those_found_hold_others_now(
+    tmp_path: Path, store: Collection
+) -> None:
+    paths = write_stones(tmp_path / "stones", 3)
+    store.add(paths, workers=0)
+    for path, data in zip(paths, [one.read_bytes() for one in paths[::-1]], strict=True):
+        path.write_bytes(data)
+    with pytest.warns(UnbendWarning, match="stone0.*and 1 other file changed after being added"):
+        store.search(paths[0], 3)
+    store.add(paths, workers=0)
+    assert store.search(paths[0], 3)[0].path == str(paths[0])
+
+
 def test_a_shape_is_matched_from_whatever_file_there_is(tmp_path: Path, store: Collection) -> None:
     one, other = write_stones(tmp_path / "stones", 2)
     copy = copied(one, tmp_path / "zcopy.ply")
@@ -272,10 +285,13 @@ def test_a_shape_is_matched_from_whatever_file_there_is(tmp_path: Path, store: C
     one.write_text("something else")
     done = store.match(None, tmp_path / "matches", workers=0)
     assert (done.matched, done.failures) == (1, ())
-    hits = store.search(other, 2, by_match=True)
+    told = f"{one} changed after being added: run unbend"
+    with pytest.warns(UnbendWarning, match=told):
+        hits = store.search(other, 2, by_match=True)
     assert all(np.isfinite(hit.energy) for hit in hits)
     os.remove(copy)
-    with pytest.warns(UnbendWarning, match=rf"{copy} \(there is no such file\): run unbend coll"):
+    gone = rf"{copy} \(there is no such file\): run unbend coll"
+    with pytest.warns(UnbendWarning, match=told), pytest.warns(UnbendWarning, match=gone):
         hits = store.search(other, 2, by_match=True)
     assert [np.isfinite(hit.energy) for hit in hits] == [True, False]
 

@@ -15,7 +15,7 @@ from unbend.choices import Partial
 from unbend.collection._adding import add_files
 from unbend.collection._descriptor import descriptor
 from unbend.collection._engine import engine
-from unbend.collection._files import is_gone
+from unbend.collection._files import is_gone, warn_of_changed
 from unbend.collection._pairs import match_pairs
 from unbend.collection._ranking import compare_all, rank_by_match
 from unbend.collection._registering import register_collection
@@ -181,6 +181,11 @@ class Collection:
             If an option is out of range, or the collection is empty or of another version.
         MeshError
             If the query cannot be described.
+
+        Warns
+        -----
+        UnbendWarning
+            If a file that was found has changed since it was added.
         """
         check_whole(n, "n", 1)
         self._store.check_version()
@@ -190,6 +195,7 @@ class Collection:
             self._store.build_index()
         query = as_mesh(mesh)
         hits = self._store.nearest(descriptor(query), 2 * n if by_match else n, index=index)
+        warn_of_changed(hits, self.path)
         return rank_by_match(query, hits, self.path, progress)[:n] if by_match else hits
 
     def distances(self) -> tuple[list[Entry], FloatArray]:
