@@ -535,7 +535,10 @@ def test_similarity_of_shapes_meshed_apart(tmp_path: Path) -> None:
         ("transfer a.ply b.ply --values few.txt -o out.csv", "few.txt: holds 2 rows"),
         ("transfer a.ply b.ply --values words.txt -o out.ply", "cannot hold text"),
         ("transfer a.ply b.ply --values words.txt --kind scalar -o o.csv --map b.vts", "averaged"),
-        ("transfer b.ply a.ply --values other.txt -o out.csv --map ab.npz", "a mesh of 600 v"),
+        (
+            "transfer b.ply a.ply --values other.txt -o out.csv --map ab.npz",
+            "maps a.ply to b.ply: exchange",
+        ),
         ("similarity a.ply b.ply --figure heat.png", "add --matrix"),
         (
             "similarity a.ply b.ply --known-correspondence",
