@@ -168,6 +168,18 @@ def test_what_no_path_leads_to_is_infinitely_far(distance: str) -> None:
     assert found.curve()[-1] <= 50
 
 
+def test_one_row_without_a_path_does_not_choose_between_a_truth_and_its_mirror_image() -> None:
+    target, n = _two_balls_and_a_stray(), BALL.n_vertices
+    images = np.concatenate([_mirror(), EVERY + n, [-1]])
+    mirrored = images.copy()
+    mirrored[3] = n
+    every = np.arange(2 * n + 1)
+    with pytest.warns(UnbendWarning, match="no path joins 1 of .* to the mirrored truth alone"):
+        found = evaluate(images, target, every[:-1], every[:-1], mirrored[:-1])
+    assert found.auc("map-min") > 0.99 > found.auc("direct")
+    assert np.isinf(found.errors("map-min")).sum() == 1
+
+
 def test_ground_truth_off_the_surface_is_refused() -> None:
     target, n = _two_balls_and_a_stray(), BALL.n_vertices
     with pytest.raises(InputError, match=f"target_points: row 1 is {2 * n}, a vertex that no face"):

@@ -130,6 +130,8 @@ def test_shapes_in_different_units_are_told(blob: Mesh) -> None:
         with pytest.warns(UnbendWarning, match=rf"mm\.obj is {times} times as large as"):
             morph(*pair, every, 0.5)
         morph(*pair, every, 1)
+    stray = Mesh(np.vstack([blob.vertices, [[99, 9, 9]]]), blob.faces, name="stray")
+    morph(blob, stray, every, 0.5)
 
 
 def test_points_go_straight() -> None:

@@ -172,6 +172,11 @@ def evaluate(
     Weischedel & Wardetzky, "Geodesics in heat", ACM TOG 2013; Mitchell, Mount & Papadimitriou,
     "The discrete geodesic problem", 1987.
 
+    Warns
+    -----
+    UnbendWarning
+        If no path joins some images to the truth, or to the mirrored truth alone.
+
     Examples
     --------
     >>> import numpy as np
@@ -201,7 +206,15 @@ def evaluate(
         name, counted = "mirrored_target_points", np.where(true, found, -1)
         mirrored, both = _errors(target, mirrored_target_points, counted, name, distance, progress)
         ours = direct[both[given & true]]
-        map_min = min(ours, mirrored, key=lambda one: float(one.mean()))
+        # Where no path leads counts as the farthest place: one such row does not decide alone.
+        worst = max(float(one[np.isfinite(one)].max(initial=0.0)) for one in (ours, mirrored))
+        map_min = min(ours, mirrored, key=lambda one: float(np.minimum(one, worst).mean()))
+        if apart := np.count_nonzero(np.isinf(mirrored) & np.isfinite(ours)):
+            warn(
+                f"{target.name}: no path joins {apart:,} of "
+                f"{plural(len(mirrored), 'image')} to the mirrored truth alone, as between "
+                "components; give -1 there for rows that do not count"
+            )
         vertex_min = np.minimum(ours, mirrored)
     whole, number = join_seams(target)
     areas = vertex_areas(whole)

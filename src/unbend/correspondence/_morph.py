@@ -136,8 +136,8 @@ def warn_of_units(
 
 
 def _extent(mesh: Mesh) -> float:
-    """Longest side of the box around a mesh."""
-    vertices = mesh.vertices
+    """Longest side of the box around what is in use of a mesh."""
+    vertices = mesh.vertices if mesh.is_point_cloud else mesh.vertices[np.unique(mesh.faces)]
     return float(np.max(np.nanmax(vertices, axis=0) - np.nanmin(vertices, axis=0)))
 
 

@@ -5,6 +5,7 @@ screenshots are kept where UNBEND_SCREENSHOTS says.
 """
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -111,6 +112,13 @@ def test_landmarks_are_shown_on_both_shapes(browser, match_html, dogs, tmp_path)
     known = Match(forward, back, np.eye(2), 0.9, 0.1, 0.9, missed_landmarks=(1,))
     match_page(source, target, known, tmp_path / "ignored.html", landmarks=rows)
     assert "2: they contradict" in (tmp_path / "ignored.html").read_text("utf-8")
+    several = replace(known, alternatives=(replace(known, missed_landmarks=(0,)),))
+    match_page(source, target, several, tmp_path / "several.html", landmarks=rows)
+    browser.open(tmp_path / "several.html")
+    assert browser.run(labels.format("target"))[1] == ["2 (ignored)", rows[1][1]]
+    browser.run("(s => { s.value = 1; s.dispatchEvent(new Event('change')) })(part('map'))")
+    assert browser.run(labels.format("target"))[0] == ["1 (ignored)", rows[0][1]]
+    browser.open(tmp_path / "marked.html")
     # They follow the morph.
     browser.run("(s => { s.value = 1; s.dispatchEvent(new Event('input')) })(part('morph'))")
     browser.settle()

@@ -127,6 +127,23 @@ def test_each_map_is_evaluated_once(
     assert seen == [mirrored, every]
 
 
+def test_what_is_told_of_the_first_of_several_maps_says_so(blob: Mesh, found: Match) -> None:
+    every = np.arange(642)
+    other = replace(found, source_to_target=np.where(every < 9, -1, every), missed_landmarks=(0,))
+    several = replace(found, alternatives=(other,), missed_landmarks=(1,))
+    rows = {"nose": (20, 20), "tail": (40, 40)}
+    html = match_page(blob, blob, several, landmarks=rows, truth=(every[:9], every[:9])).html
+    one, two = data_of(html)["maps"]
+    assert (one["ignored"], two["ignored"]) == ([1], [0])
+    assert one["errors"] is not None
+    assert two["errors"] is None  # none of these rows has a partner
+    assert "<h2>Errors of map 1</h2>" in html
+    assert "landmarks ignored of map 1</th><td>tail" in html
+    assert "of map 1" not in match_page(blob, blob, found, truth=(every, every)).html
+    with pytest.raises(InputError, match="landmarks must be all those that match was given"):
+        match_page(blob, blob, several, landmarks={"nose": (20, 20)})
+
+
 def test_rows_without_a_mirrored_truth_have_errors(blob: Mesh) -> None:
     every = np.arange(642)
     truth = every, every, np.where(every % 2 == 0, -1, every)

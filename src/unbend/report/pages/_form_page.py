@@ -116,7 +116,7 @@ def form_page(
             "form": shown.moved(turned_to_fit(form.points, mesh)),
             "surface": surface,
             "embedding": pack_places(embedding, exact),
-            "unit": unit if form.distance == "biharmonic" else None,
+            "unit": unit if form.distance == "biharmonic" and form.points.shape[1] < 4 else None,
         },
         ["form.js"],
         path=path,
@@ -162,7 +162,8 @@ def _form_facts(form: CanonicalForm) -> str:
     meaning = (
         "An eigenvalue is how far the form reaches along one of its axes, squared and summed "
         "over vertices. Stress is how far straight distances within the form miss the "
-        f"{escape(form.distance)} distances on the shape: 0 is perfect."
+        f"{escape(form.distance)} distances on the shape: 0 is perfect. "
+        "Of more than three dimensions the first three are drawn."
     )
     return parts.section(
         "Form", table([*rows, ("stress", f"{form.stress:.4f}")]), parts.hint(meaning)

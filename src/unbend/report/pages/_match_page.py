@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from html import escape
 from typing import Any
@@ -118,18 +119,22 @@ def match_page(
     step("page, canonical forms", 0.1)
     forms = _form(source), _form(target)
     named = checked_landmarks(landmarks, [source, target])
-    missed = known.missed_landmarks if known is not None and named else ()
-    ignored = [named[i][0] for i in missed]
+    if named and max((i for one in maps.values() for i in _ignored(one)), default=0) >= len(named):
+        raise InputError("landmarks must be all those that match was given, in the same order")
+    ignored = [named[i][0] for i in _ignored(first)] if named else []
     packed, found = [], []
     for i, one in enumerate(maps.values()):
         step("page, maps", 0.3 + 0.6 * i / len(maps))
         errors = None
-        if truth is not None:
-            found.append(evaluate(one, target, *truth))
-            errors = _errors_of_vertices(source, one, truth, found[-1].direct)
+        # A runner-up may leave all rows of the ground truth without partner.
+        with nullcontext() if not i else suppress(InputError):
+            if truth is not None:
+                found.append(evaluate(one, target, *truth))
+                errors = _errors_of_vertices(source, one, truth, found[-1].direct)
         shares = () if mirror else _FEW_FRAMES if i else _FRAMES
         packed.append(_pack_map(one, shown, forms, errors, shares))
-    columns = [words.error_section(found[0])] if found else []
+    of_first = " of map 1" if len(maps) > 1 else ""
+    columns = [words.error_section(found[0], of_first)] if found else []
     if known is not None and len(known.hypotheses) > 1:
         columns.append(words.alternatives(known, mirror))
     part = f"{there.sum():,}" if there.all() else f"{there.sum():,} of {len(there):,}"
@@ -152,7 +157,7 @@ def match_page(
             '<div class="columns">',
             *columns,
             "</div>",
-            words.facts(shown, known, command, ignored, mirror),
+            words.facts(shown, known, command, ignored, of_first, mirror),
         ],
         {
             "sides": [one.packed() for one in shown],
@@ -160,10 +165,10 @@ def match_page(
             "maps": packed,
             "landmarks": [
                 {
-                    "label": f"{label} (ignored)" if i in missed else label,
+                    "label": label,
                     "at": [int(one.stand_ins[k]) for one, k in zip(shown, pair, strict=True)],
                 }
-                for i, (label, pair) in enumerate(named)
+                for label, pair in named
             ],
             "worst": words.WORST,
         },
@@ -185,6 +190,11 @@ def _maps(match: Match | npt.ArrayLike) -> dict[str, _Map]:
     if match.mirrored is not None:
         maps["reflection"] = match.mirrored
     return maps
+
+
+def _ignored(match: _Map) -> list[int]:
+    """Landmarks that a map does not follow."""
+    return list(match.missed_landmarks) if isinstance(match, Match) else []
 
 
 def _form(mesh: Mesh) -> FloatArray:
@@ -228,6 +238,7 @@ def _pack_map(
         "frames": [pack_places(one) for one in _frames(ours, target, match, shares)],
         "errors": _pack_errors(errors, ours),
         "expected": _pack_errors(expected, ours),
+        "ignored": _ignored(match),
         "rotation": turn.tolist(),
         "translation": shift.tolist(),
     }

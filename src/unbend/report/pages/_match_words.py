@@ -88,7 +88,7 @@ def form_section() -> str:
     )
 
 
-def error_section(found: Evaluation) -> str:
+def error_section(found: Evaluation, of_map: str) -> str:
     curves = [("against the ground truth", found.curve())]
     rows = [("mean error", f"{found.mean():.4f}"), ("median error", f"{found.median():.4f}")]
     if found.map_min is not None:
@@ -105,7 +105,7 @@ def error_section(found: Evaluation) -> str:
         ]
     x = "geodesic error, in units of the square root of the target's area"
     return parts.section(
-        "Errors",
+        f"Errors{of_map}",
         parts.curve_svg(THRESHOLDS, curves, x),
         table(rows),
         parts.hint(
@@ -153,6 +153,7 @@ def facts(
     match: Match | None,
     command: str,
     ignored: Sequence[str],
+    of_map: str,
     mirror: bool,
 ) -> str:
     rows = []
@@ -163,18 +164,22 @@ def facts(
         rows.append(("for display", rotated))
     if ignored:
         which = ", ".join(ignored)
-        rows.append(("landmarks ignored", f"{which}: they contradict the best-fitting map"))
+        rows.append(
+            (f"landmarks ignored{of_map}", f"{which}: they contradict the best-fitting map")
+        )
     if match is None:
         return parts.how_made(rows, command)
     overlap = (
         f"{match.overlap_source:.0%} of the source's, {match.overlap_target:.0%} of the target's"
     )
-    rows.append(("confidence", confidence_told(match.confidence)))
+    rows.append((f"confidence{of_map}", confidence_told(match.confidence)))
     if not mirror:
-        rows.append(("right side out", f"{_right_side_out(match.orientation)} of the surface"))
+        rows.append(
+            (f"right side out{of_map}", f"{_right_side_out(match.orientation)} of the surface")
+        )
     rows += [
-        ("area with a partner", overlap),
-        ("residual of the aligned forms", f"{match.residual:.3f}"),
+        (f"area with a partner{of_map}", overlap),
+        (f"residual of the aligned forms{of_map}", f"{match.residual:.3f}"),
     ]
     if match.expected_error is not None:
         median, high = match.expected_error_quantiles()
@@ -182,5 +187,5 @@ def facts(
             f"up to {median:.3f} at half of the vertices, {high:.3f} at 95% (in square roots of "
             f"the target's area; coloured from 0 to {WORST:g} and more)"
         )
-        rows.append(("expected error", told))
+        rows.append((f"expected error{of_map}", told))
     return parts.how_made(rows, command)

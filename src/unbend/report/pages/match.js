@@ -10,8 +10,6 @@ start(async ({ sides, forms, maps, landmarks, worst }) => {
     const view = new View(part(names[i]), camera, room);
     view.cells = box.cells;
     view.add({ positions: side.places, faces: side.faces, place: placesIn(box, side.places) });
-    view.landmarks = landmarks.map(({ label, at }) => (
-      { mesh: view.meshes[0], vertex: at[i], tint: plain, label }));
     return view;
   });
   const aligned = showForms(forms, sides), all = [...views, ...aligned.views];
@@ -59,8 +57,8 @@ start(async ({ sides, forms, maps, landmarks, worst }) => {
 
   const paint = part("paint");
   function color() {
-    const measured = { 1: map.errors, expected: map.expected }[paint.value];
-    const errors = measured?.map((one) => (one > -0.5 ? one / worst : -1));
+    const measured = { 1: map.errors, expected: map.expected };
+    const errors = measured[paint.value]?.map((one) => (one > -0.5 ? one / worst : -1));
     views.forEach((view, i) => {
       const { standIns, partners } = map.links[i];
       let known = Float32Array.from(partners, (one) => (one < 0 ? 0 : 1));
@@ -71,7 +69,7 @@ start(async ({ sides, forms, maps, landmarks, worst }) => {
         known = seen.map((one) => (one < 0 ? 0 : 1));
       }
       view.set("known", known);
-      view.paint = errors ? 1 : paint.value === "expected" ? 2 : +paint.value;
+      view.paint = errors ? 1 : paint.value in measured ? 2 : +paint.value;
     });
   }
   paint.addEventListener("change", color);
@@ -80,6 +78,12 @@ start(async ({ sides, forms, maps, landmarks, worst }) => {
 
   function choose(index) {
     map = maps[index];
+    views.forEach((view, i) => {
+      view.landmarks = landmarks.map(({ label, at }, k) => ({
+        mesh: view.meshes[0], vertex: at[i], tint: plain,
+        label: map.ignored.includes(k) ? `${label} (ignored)` : label,
+      }));
+    });
     views[1].set("place", placesIn(box, map.carried));
     aligned.turn(map);
     color();
