@@ -166,16 +166,16 @@ def evaluate(
     MissingExtraError
         If exact geodesics are asked for and pygeodesic is not installed.
 
+    Warns
+    -----
+    UnbendWarning
+        If no path joins some images to the truth, or to the mirrored truth alone.
+
     References
     ----------
     Kim, Lipman & Funkhouser, "Blended intrinsic maps", ACM TOG 2011 (the protocol); Crane,
     Weischedel & Wardetzky, "Geodesics in heat", ACM TOG 2013; Mitchell, Mount & Papadimitriou,
     "The discrete geodesic problem", 1987.
-
-    Warns
-    -----
-    UnbendWarning
-        If no path joins some images to the truth, or to the mirrored truth alone.
 
     Examples
     --------

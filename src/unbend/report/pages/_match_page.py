@@ -268,7 +268,8 @@ def _frames(ours: Shown, target: Mesh, match: _Map, shares: Sequence[float]) -> 
         faces, weights = match.faces[ours.ids], match.weights[ours.ids]
         along = replace(match, source_to_target=images, faces=faces, weights=weights)
     thin = Mesh(ours.places, ours.faces)
-    return [morph(thin, target, along, share).vertices for share in shares]
+    with heard():  # that a map is a reflection, or units differ, is seen, and told where it matters
+        return [morph(thin, target, along, share).vertices for share in shares]
 
 
 def _errors_of_vertices(
