@@ -244,7 +244,7 @@ def test_landmarks_are_carried_and_lead_a_match(folder: Path) -> None:
     done = right("match", *stones, *hints, "--no-refine", "--report", "page.html")
     assert "landmark 'paw' at vertices" in done.stderr
     page = Path("page.html").read_text("utf-8")
-    assert '"label": "paw (ignored)"' in page
+    assert '"ignored": [5]' in page
     assert "paw: they contradict" in page
     done = invoke(["match", *map(str, stones), *hints[:2]])
     assert done.exit_code == 2
