@@ -13,7 +13,7 @@ from unbend.app._jobs import run
 from unbend.app._work import Work
 from unbend.collection import Collection
 from unbend.datasets import make_quadruped, make_sphere
-from unbend.errors import InputError
+from unbend.errors import InputError, UnbendWarning
 from unbend.io import read_map, read_markups, read_values, value_colors, write_markups
 
 
@@ -185,6 +185,11 @@ def test_distances_from_clicked_places_are_those_of_a_sphere(tmp_path) -> None:
     ball = make_sphere(3)
     write_mesh(tmp_path / "ball.ply", ball)
     shapes, landmarks = [[str(tmp_path / "ball.ply"), "ball.ply"]], [placed("pole", 7)]
+    more = [*landmarks, placed("other", 70)]
+    found = done(tmp_path / "more", "distance", shapes, landmarks=more)
+    painted = file_of(found, ".ply")
+    both = [read_values(painted, name=f"distance_{vertex}") for vertex in (7, 70)]
+    np.testing.assert_allclose(np.stack(both, axis=1), read_values(file_of(found, ".csv")))
     found = done(tmp_path, "distance", shapes, landmarks=landmarks)
     exact = np.arccos(np.clip(ball.vertices @ ball.vertices[7], -1, 1))
     np.testing.assert_allclose(read_values(file_of(found, ".csv")), exact, atol=0.1)
@@ -196,6 +201,14 @@ def test_forms_symmetries_and_pages_for_landmarks_are_made(shapes, tmp_path) -> 
     form = done(tmp_path, "form", shapes[:1])
     assert read_mesh(file_of(form, ".ply")).n_vertices == 600
     egg = make_egg(2)
+    write_mesh(tmp_path / "more.ply", (np.vstack([egg.vertices, [[9, 9, 9]]]), egg.faces))
+    with pytest.warns(UnbendWarning, match="unreferenced"):
+        form = done(tmp_path / "more", "form", [[str(tmp_path / "more.ply"), "-more.ply"]])
+    for suffix in (".ply", ".obj"):
+        places = read_mesh(file_of(form, suffix)).vertices
+        assert np.isnan(places[162:]).all()
+        assert np.isfinite(places[:162]).all()
+    assert form["command"].startswith("unbend canonical ./-more.ply ")
     write_mesh(tmp_path / "egg.ply", egg)
     symmetric = done(tmp_path, "symmetry", [[str(tmp_path / "egg.ply"), "egg.ply"]])
     partners = egg.vertices[read_map(file_of(symmetric, ".csv"))]

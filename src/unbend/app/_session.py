@@ -210,6 +210,7 @@ class Session:
                 job = entry["job"]
                 if any(one not in self._shapes for one in job["shapes"]):
                     del self._jobs[i]
+                    self._note()
                     continue
                 entry |= {"running": True, "stage": "starting"}
                 folder = self.folder / f"result-{i}"
@@ -240,7 +241,9 @@ class Session:
         job = entry["job"]
         shapes = [self._shapes[one] for one in job["shapes"] if one in self._shapes]
         files = [(one["path"], one["name"]) for one in shapes]
-        for path, name in [*files, *([job["values"]] if job.get("values") else [])]:
+        files += [job["values"]] if job.get("values") else []
+        files += [(job["map_file"], job["map_name"])] if "map_file" in job else []
+        for path, name in files:
             error = error.replace(path, name)
             if self.folder in Path(path).parents:  # a name of ours, which no user knows
                 error = error.replace(Path(path).name, name)

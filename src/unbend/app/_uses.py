@@ -22,19 +22,22 @@ _LARGEST = ("--component", "largest")
 def distance(work: Work, landmarks: Landmarks) -> Result:
     work.progress("measuring", 0.0)
     (mesh,), (stem,) = work.meshes, work.stems
-    vertices = [one["at"][0] for one in landmarks]
-    nearest = measure(mesh, vertices, component="largest").min(axis=0)
+    vertices = list(dict.fromkeys(one["at"][0] for one in landmarks))
+    field = measure(mesh, vertices, component="largest")
+    nearest, names = field.min(axis=0), [f"distance_{vertex}" for vertex in vertices]
     looks: Any = {"landmarks": by_label(landmarks), "label": "distance", "up": work.up}
     report.view(mesh, values=nearest, path=work.page, **looks)
-    for suffix in (".csv", ".ply", ".glb"):
-        path = work.new_file(f"{stem}-distance{suffix}", "the distance of each vertex")
-        io.write_values(path, nearest, mesh)
+    about = "the distance of each vertex"
+    table, painted = (work.new_file(f"{stem}-distance{one}", about) for one in (".csv", ".ply"))
+    io.write_values(table, field.T, mesh, names=names)
+    io.write_mesh(painted, mesh, scalars=dict(zip(names, field, strict=True)))
+    io.write_values(work.new_file(f"{stem}-distance.glb", f"{about}, as colours"), nearest, mesh)
     at = int(np.nanargmax(nearest))
     facts = {"farthest": f"vertex {at}, at {nearest[at]:.5g} in the unit of the file"}
     starts = [word for one in vertices for word in ("--from", str(one))]
     command = ["distance", mesh.name, *starts, *_LARGEST, "-o", f"{stem}-distance.ply"]
     options = f'{vertices}, component="largest"'
-    call = f"distances = distance({mesh.name!r}, {options}).min(axis=0)"
+    call = f"distances = distance({mesh.name!r}, {options})"
     python = ["from unbend import distance", call]
     return work.result(f"Distances on {mesh.name}", command, python, facts)
 
@@ -45,7 +48,7 @@ def form(work: Work) -> Result:
     there = np.asarray(np.isfinite(found.points).all(axis=1))
     faces = mesh.faces[there[mesh.faces].all(axis=1)]
     colors = np.rint(255 * report.position_colors(mesh.vertices)).astype(np.uint8)
-    bare = Mesh(np.where(there[:, None], found.points, 0.0), faces, name=stem)
+    bare = Mesh(found.points, faces, name=stem)
     about = "the canonical form in the colours of the shape"
     work.keep_mesh(f"{stem}-canonical", about, bare, colors)
     io.write_values(work.new_file(f"{stem}-canonical.csv", "its coordinates"), found.points, mesh)

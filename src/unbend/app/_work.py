@@ -56,7 +56,8 @@ class Work:
 
     @property
     def stems(self) -> list[str]:
-        return [Path(name).stem for name in self.names]
+        found = [Path(name).stem for name in self.names]
+        return found if len(set(found)) == len(set(self.names)) else self.names
 
     @property
     def report(self) -> list[str]:
@@ -109,12 +110,13 @@ class Work:
         facts: Mapping[str, str] | None = None,
     ) -> Result:
         """Put a result together, with the words and lines that do the same, imports first."""
+        words = [f"./{one}" if one[:1] == "-" and one in self.names else one for one in command]
         return {
             "title": title,
             "facts": list((facts or {}).items()),
             "files": self.files,
             "pictures": self.pictures,
             "page": self.page.exists(),
-            "command": quoted("unbend", *command),
+            "command": quoted("unbend", *words),
             "python": "\n".join([python[0], "", *python[1:]]),
         }

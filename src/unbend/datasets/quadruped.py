@@ -101,7 +101,7 @@ def make_quadruped(
     species : str, default="dog"
         "dog", "cat", "horse", "bear" or "giraffe".
     meshing : int, default=0
-        Any other number: other vertices and triangles on the same surface. :func:`rest_map`
+        Any larger number: other vertices and triangles on the same surface. :func:`rest_map`
         relates meshings. Posed surfaces of two meshings agree up to about an edge length.
     random_state : int or None, default=None
         Seed of a random pose; unused otherwise. None: another pose each time.
