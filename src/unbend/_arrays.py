@@ -33,8 +33,8 @@ def check_whole(number: Any, name: str, least: int = 0, most: int | None = None)
 
 def check_choice(given: Any, name: str, choices: Iterable[str]) -> None:
     """Raise InputError, which lists the choices, unless it is one of them."""
-    known = list(choices)  # of which a list is none, and no error
-    if given not in known:
+    known = list(choices)  # of which a list or an array is none, and no error
+    if not isinstance(given, str) or given not in known:
         raise InputError(f"{name} must be one of {', '.join(known)}, not {given!r}")
 
 

@@ -80,8 +80,9 @@ def test_curves_end_where_the_evaluation_says(blob: Mesh, drawn: list) -> None:
 
 
 def test_what_does_not_fit(blob: Mesh) -> None:
-    with pytest.raises(InputError, match="no evaluations"):
-        draw_error_curves({}, "a.png")
+    for wrong in ({}, [5]):
+        with pytest.raises(InputError, match="give evaluations by their names"):
+            draw_error_curves(wrong, "a.png")
     with pytest.raises(InputError, match="mine: an Evaluation is drawn, not int"):
         draw_error_curves({"mine": 5}, "a.png")
     with pytest.raises(InputError, match="the map has 3 source"):

@@ -8,6 +8,7 @@ import pytest
 
 from unbend import Mesh
 from unbend.datasets import make_sphere
+from unbend.errors import InputError
 from unbend.report.raster import rasterize, thumbnail
 
 
@@ -52,6 +53,12 @@ def test_outlines_move_outward_by_pixels_in_every_direction():
 
 def test_a_point_cloud_has_no_picture() -> None:
     assert thumbnail(Mesh(make_sphere(2).vertices), 96) == b""
+
+
+def test_colours_up_to_255_are_refused() -> None:
+    ball = make_sphere(2)
+    with pytest.raises(InputError, match="colors must be from 0 to 1: divide"):
+        thumbnail(ball, 96, np.full((162, 3), 128))
 
 
 def test_a_surface_is_seen_before_nothing() -> None:

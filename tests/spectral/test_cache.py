@@ -177,15 +177,18 @@ def test_pickles_are_not_opened(folder):
 def test_grows_to_its_bound_and_drops_the_least_recently_used(folder, monkeypatch):
     size = 5000
     monkeypatch.setattr(cache, "_MOST_BYTES", 5 * size)
-    for number, name in enumerate("abcd"):
+    a, b, c, d, e, f = (40 * letter for letter in "abcdef")  # as hashes are
+    for number, name in enumerate((a, b, c, d)):
         store_eigenpairs(name, np.arange(4.0), np.zeros((110, 4)))
         os.utime(folder / f"{name}.npz", (number, number))
-    load_eigenpairs("a")  # now the most recent
-    store_eigenpairs("e", np.arange(4.0), np.zeros((110, 4)))
-    store_eigenpairs("f", np.arange(4.0), np.zeros((110, 4)))
+    (folder / "of-the-user.npz").write_bytes(bytes(9 * size))
+    load_eigenpairs(a)  # now the most recent
+    store_eigenpairs(e, np.arange(4.0), np.zeros((110, 4)))
+    store_eigenpairs(f, np.arange(4.0), np.zeros((110, 4)))
     assert cache_info().n_bytes <= 5 * size
-    assert load_eigenpairs("a") is not None
-    assert load_eigenpairs("b") is None
+    assert load_eigenpairs(a) is not None
+    assert load_eigenpairs(b) is None
+    assert (folder / "of-the-user.npz").exists()
 
 
 def test_its_bound_can_be_set(monkeypatch):
@@ -193,6 +196,8 @@ def test_its_bound_can_be_set(monkeypatch):
     for text, bound in (("0.5", 2**29), ("-1", 0), ("much", most), ("inf", most)):
         monkeypatch.setenv("UNBEND_CACHE_GIB", text)
         assert cache_info().most_bytes == bound
+    with pytest.raises(InputError, match="folder must be a path, not 0; gib=0"), use_cache(0):
+        pass
     for gib in (-1, np.inf):
         with pytest.raises(InputError, match="gib must be a number"), use_cache(gib=gib):
             pass
@@ -206,22 +211,25 @@ def test_a_spectrum_too_large_for_the_cache_is_left_out(monkeypatch):
 
 def test_what_a_killed_process_left_behind_is_removed(folder):
     folder.mkdir()
-    old, new = folder / ".x.npz.1.part", folder / ".x.npz.2.part"
-    for path in (old, new):
+    old, new = (folder / f".{40 * 'a'}.npz.{i}.part" for i in (1, 2))
+    other = folder / ".other.npz.1.part"
+    for path in (old, new, other):
         path.write_bytes(b"half")
-    os.utime(old, (0, 0))
+        os.utime(path, (0, 0))
+    os.utime(new)
     store_eigenpairs("key", VALUES, FUNCTIONS)
-    assert not old.exists()
-    assert new.exists()
+    assert [path.exists() for path in (old, new, other)] == [False, True, True]
 
 
-def test_info_and_clear():
+def test_info_and_clear_know_of_spectra_alone(folder):
     assert cache_info().n_files == 0
-    store_eigenpairs("a", VALUES, FUNCTIONS)
-    store_eigenpairs("b", VALUES, FUNCTIONS)
+    store_eigenpairs(40 * "a", VALUES, FUNCTIONS)
+    store_eigenpairs(40 * "b", VALUES, FUNCTIONS)
+    np.savez(folder / "match.npz", VALUES)
     assert cache_info().n_files == 2
     assert clear_cache() == 2
     assert cache_info().n_bytes == 0
+    assert (folder / "match.npz").exists()
 
 
 def test_a_folder_that_cannot_be_used_breaks_nothing(tmp_path, monkeypatch, blob):
@@ -238,11 +246,11 @@ from unbend.spectral._cache import cache_info, load_eigenpairs, store_eigenpairs
 
 def hammer(turn):
     while True:
-        key, k = str(turn % 3), 2 + turn % 5
+        key, k = 40 * str(turn % 3), 2 + turn % 5
         found = load_eigenpairs(key)
         if found is not None:
             k = len(found[0])
-        functions = np.full((3000, k), float(key)) + np.arange(k)
+        functions = np.full((3000, k), float(key[0])) + np.arange(k)
         if found is None or turn % 7 == 0:
             store_eigenpairs(key, np.arange(float(k)), functions)
         elif not (np.array_equal(found[0], np.arange(k)) and np.array_equal(found[1], functions)):
@@ -271,14 +279,14 @@ def test_processes_killed_at_random_never_see_a_wrong_number():
     subprocess.run([sys.executable, "-c", HAMMER], check=True)
     assert cache_info().n_files > 0
     for key in "012":
-        found = load_eigenpairs(key)
+        found = load_eigenpairs(40 * key)
         if found is not None:
             functions = np.full((3000, len(found[0])), float(key)) + np.arange(len(found[0]))
             np.testing.assert_array_equal(found[1], functions)
 
 
 def test_a_file_that_another_process_has_open_costs_no_storing(folder, monkeypatch):
-    store_eigenpairs("old", VALUES, FUNCTIONS)
+    store_eigenpairs(40 * "d", VALUES, FUNCTIONS)
     monkeypatch.setenv("UNBEND_CACHE_GIB", "1e-6")
 
     def refuse(path, **_):

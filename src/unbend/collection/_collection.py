@@ -178,7 +178,9 @@ class Collection:
         Raises
         ------
         InputError
-            If an option is out of range, or the collection is empty or of another version.
+            If an option is out of range, or the collection is of another version.
+        FileError
+            If the collection is empty.
         MeshError
             If the query cannot be described.
 
@@ -210,7 +212,9 @@ class Collection:
         Raises
         ------
         InputError
-            If the collection is empty or of another version, or the table does not fit into memory.
+            If the collection is of another version, or the table does not fit into memory.
+        FileError
+            If the collection is empty.
         """
         self._store.check_version()
         self._store.check_filled()
@@ -388,9 +392,8 @@ class Collection:
         Raises
         ------
         FileError
-            If the file cannot be written, or is inside the collection's folder.
-        InputError
-            If the collection is empty.
+            If the file cannot be written, or is inside the collection's folder, or the collection
+            is empty.
         """
         check_outside(self.path, path)
         check_writable(path, (".parquet", ".csv"))

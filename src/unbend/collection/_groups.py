@@ -22,7 +22,8 @@ def find_groups(distances: FloatArray, n_groups: int | None = None) -> IntArray:
     n_groups : int, optional
         How many groups; by default, of 2 to 50, the number with the largest mean silhouette. That
         is of ranks instead of distances (how many others are nearer), so that a few shapes that
-        are far from all others do not decide.
+        are far from all others do not decide. One group if there are two shapes, or all are equally
+        far apart.
 
     Returns
     -------

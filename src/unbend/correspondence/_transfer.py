@@ -62,7 +62,8 @@ def transfer(
     -------
     (n_target, ...) ndarray
         float64 for scalars and weights, NaN where there is no preimage; for labels the type of
-        `values` and ``""`` or NaN there, or int64 and -1; for colours uint8 and mid-grey.
+        `values` and ``""`` or NaN there, or int64 and -1, of truth values too; for colours uint8
+        and mid-grey.
 
     Raises
     ------
@@ -169,7 +170,14 @@ def transfer_landmarks(
     given = vertex_ids(vertices, len(images), "the source")
     if len(labels) != len(given):
         raise InputError(f"{len(given)} landmarks need as many labels, not {len(labels)}")
-    named = np.array([label or f"{i + 1}" for i, label in enumerate(labels)], dtype=str)
+    missing = ("", None)
+    named = np.array(
+        [
+            f"{i + 1}" if label in missing or label != label else label  # NaN is not itself
+            for i, label in enumerate(labels)
+        ],
+        dtype=str,
+    )
     carried, there = images[given], images[given] >= 0
     if not there.any():
         raise InputError(f"no landmark corresponds to a vertex of {target.name}")

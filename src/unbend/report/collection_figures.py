@@ -66,6 +66,7 @@ def draw_similarities(names: Sequence[str], similarities: npt.ArrayLike, path: S
 
 def _draw_table(names: Sequence[str], values: npt.ArrayLike, path: StrPath, *, alike: bool) -> None:
     """Draw a table of similarities, or of distances."""
+    names = [str(name) for name in names]  # a column of pandas is asked by its index
     n = len(names)
     table = checked_table(values, n)
     order, heights, places = join_alike(table, alike=alike)

@@ -197,8 +197,8 @@ def draw_error_curves(evaluations: Mapping[str, Evaluation], path: StrPath) -> N
     >>> found = evaluate(range(162), make_sphere(2), range(162), range(162))
     >>> draw_error_curves({"identity": found}, "curves.png")
     """
-    if not evaluations:
-        raise InputError("there are no evaluations to draw")
+    if not isinstance(evaluations, Mapping) or not evaluations:
+        raise InputError("give evaluations by their names, as {'ours': ...}, one at least")
     for name, one in evaluations.items():
         if not isinstance(one, Evaluation):
             raise InputError(f"{name}: an Evaluation is drawn, not {type(one).__name__}")

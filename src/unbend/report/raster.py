@@ -35,6 +35,8 @@ def _rgb_of(colors: Any, n: int) -> FloatArray:
         return np.tile(_CLAY, (n, 1))
     array = numbers_of(colors, "colors")
     if array.shape == (n, 3):
+        if ((array < 0) | (array > 1)).any():
+            raise InputError("colors must be from 0 to 1: divide those up to 255 by 255")
         return array
     if array.shape != (n,):
         raise InputError(f"colors must have shape ({n},) or ({n}, 3), not {array.shape}")

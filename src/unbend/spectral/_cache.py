@@ -27,6 +27,7 @@ from unbend.mesh import Mesh
 # Total size that the cache may grow to, unless UNBEND_CACHE_GIB says another; the files used
 # longest ago go first. If it is 0, the cache is off.
 _MOST_BYTES = 2 * 2**30
+_OWN = "[0-9a-f]" * 40 + ".npz"  # files of ours, whatever else is in the folder
 _ABANDONED_SECONDS = 3600.0  # a temporary file this old was left by a process that was killed
 
 
@@ -68,7 +69,7 @@ def use_cache(
     Parameters
     ----------
     folder : path, optional
-        Where to keep spectra.
+        Where to keep spectra; other files there are left alone.
     gib : float, optional
         Size that the cache may grow to; 0 switches it off.
 
@@ -80,6 +81,8 @@ def use_cache(
     >>> with use_cache(gib=0):  # nothing is read from disk, and nothing is kept
     ...     found = spectrum(make_sphere(2), 5)
     """
+    if folder is not None and not isinstance(folder, str | os.PathLike):
+        raise InputError(f"folder must be a path, not {folder!r}; gib=0 switches the cache off")
     if gib is not None and not (is_number(gib) and 0 <= gib < np.inf):
         raise InputError(f"gib must be a number of GiB, 0 or more, not {gib!r}")
     given = {"UNBEND_CACHE_DIR": folder, "UNBEND_CACHE_GIB": gib}
@@ -187,7 +190,7 @@ def _digest(key: str, values: FloatArray, functions: FloatArray) -> bytes:
     return _hash(f"{key} {values.shape} {functions.shape}", values, functions)
 
 
-def _files(pattern: str = "*.npz") -> Iterator[tuple[Path, int, float]]:
+def _files(pattern: str = _OWN) -> Iterator[tuple[Path, int, float]]:
     """Path, size and time of last use of each file; others may remove them meanwhile."""
     for path in cache_folder().glob(pattern):
         with suppress(OSError):
@@ -197,7 +200,9 @@ def _files(pattern: str = "*.npz") -> Iterator[tuple[Path, int, float]]:
 
 def _make_room(n_bytes: int) -> None:
     now = time.time()
-    given_up = [path for path, _, used in _files(".*.part") if now - used > _ABANDONED_SECONDS]
+    given_up = [
+        path for path, _, used in _files(f".{_OWN}.*.part") if now - used > _ABANDONED_SECONDS
+    ]
     files = sorted(_files(), key=lambda file: file[2])
     excess = sum(size for _, size, _ in files) + n_bytes - _most_bytes()
     for path, size, _ in files:
