@@ -48,12 +48,12 @@ def transfer(
         which is inverted by :func:`unbend.io.invert_map` along the edges of `target`.
     kind : str, default="auto"
         ``"scalar"``: averaged; numbers, or vectors, which are not turned. ``"label"``: never
-        averaged. ``"weights"``: averaged; skinning weights, non-negative, each row scaled to sum to
-        one. ``"color"``: averaged and rounded to whole numbers from 0 to 255. ``"uv"``: averaged;
-        texture coordinates, two columns. ``"auto"``: scalar for fractions and columns of floats;
-        color for whole numbers from 0 to 255, not all 0 or 1, in three or four columns; scalar for
-        other columns of whole numbers; label for everything else, also whole numbers that are
-        stored as floats.
+        averaged. ``"weights"``: averaged; skinning weights, non-negative rows that sum to one, as
+        the result's do. ``"color"``: averaged and rounded to whole numbers from 0 to 255. ``"uv"``:
+        averaged; texture coordinates, two columns. ``"auto"``: scalar for fractions and columns of
+        floats; color for whole numbers from 0 to 255, not all 0 or 1, in three or four columns;
+        scalar for other columns of whole numbers; label for everything else, also whole numbers
+        that are stored as floats.
     source, target : mesh-like, optional
         Anything :func:`unbend.as_mesh` accepts. Averaging within faces needs both; a map given as
         an array needs `target`.
