@@ -23,7 +23,6 @@ _LAID = (16, 6000), (64, 1500)
 _DIFFERENT, _CELL = 0.75, 0.25  # of the reach: so far apart; so large a cell of the grid
 _MOST_CELLS = 2**20  # as of a box of 5.5 square roots of the area; wires reach farther
 
-
 Grid = tuple[IntArray, FloatArray, float]  # (a, b, c) of points, its first middle, a cell's length
 
 

@@ -197,8 +197,10 @@ class Collection:
             self._store.build_index()
         query = as_mesh(mesh)
         hits = self._store.nearest(descriptor(query), 2 * n if by_match else n, index=index)
+        if by_match:
+            hits = rank_by_match(query, hits, self.path, progress)[:n]
         warn_of_changed(hits, self.path)
-        return rank_by_match(query, hits, self.path, progress)[:n] if by_match else hits
+        return hits
 
     def distances(self) -> tuple[list[Entry], FloatArray]:
         """Compare every shape with every other by descriptor.
@@ -392,8 +394,7 @@ class Collection:
         Raises
         ------
         FileError
-            If the file cannot be written, or is inside the collection's folder, or the collection
-            is empty.
+            If the collection is empty, or the file cannot be written or is in its folder.
         """
         check_outside(self.path, path)
         check_writable(path, (".parquet", ".csv"))

@@ -150,16 +150,12 @@ def find_file(shape: Entry | Hit, store: str) -> str:
 def warn_of_changed(shapes: Sequence[Hit], store: str) -> None:
     """Warn if files of shapes of the collection at `store` now hold others."""
     found = run_all(functools.partial(hash_file, one.path) for one in shapes)
-    known = [(one.path, one.id) for one in shapes]
-    changed = [
-        file
-        for file, now in zip(known, found, strict=True)
-        if not isinstance(now, Failure) and now != file
-    ]
+    known = {(one.path, one.id) for one in shapes}
+    changed = [now[0] for now in found if not isinstance(now, Failure) and now not in known]
     if changed:
         others = f" and {plural(len(changed) - 1, 'other file')}" if changed[1:] else ""
         warn(
-            f"{changed[0][0]}{others} changed after being added: run unbend collection add "
+            f"{changed[0]}{others} changed after being added: run unbend collection add "
             f"{quoted(store)} FOLDER, with the folder of what changed, and search again"
         )
 

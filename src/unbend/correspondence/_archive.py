@@ -161,10 +161,9 @@ def read_match(
         match, *alternatives = (_checked_match(arrays) for arrays in folders.values())
         sizes = len(match.source_to_target), len(match.target_to_source)
         given = [None if mesh is None else as_mesh(mesh) for mesh in (source, target)]
-        _check_direction(given, hashes)
-        for mesh, size, known in zip(given, sizes, hashes, strict=True):
-            if mesh is not None:
-                _check_mesh(mesh, size, known)
+        _check_meshes(
+            given, sizes, [None if one is None else one.ravel().tolist() for one in hashes]
+        )
         return replace(match, alternatives=tuple(alternatives))
 
 
@@ -311,28 +310,31 @@ def mesh_hashes(mesh: Mesh) -> list[int]:
     return [int.from_bytes(digest, "little") for digest in digests]
 
 
-def _check_direction(
-    given: Sequence[Mesh | None], hashes: Sequence[npt.NDArray[Any] | None]
+def _check_meshes(
+    given: Sequence[Mesh | None], sizes: Sequence[int], stored: Sequence[list[Any] | None]
 ) -> None:
-    """Raise FileError if both meshes are given, and are those of the other side."""
-    known = [[] if one is None else one.ravel().tolist()[:1] for one in hashes]
-    positions = [mesh_hashes(one)[:1] for one in given if one is not None]
-    if positions == known[::-1] != known:
+    """Raise FileError unless source and target have these sizes and, if known, these hashes."""
+    own = [
+        mesh_hashes(mesh) if mesh is not None and known is not None else []
+        for mesh, known in zip(given, stored, strict=True)
+    ]
+    here, there = ([(one or [None])[0] for one in some] for some in (own, stored))
+    if None not in here and here == there[::-1] != there:
         source, target = (one.name for one in given if one is not None)
         raise FileError(
             f"maps {target} to {source}: exchange source and target, or match them the other way"
         )
-
-
-def _check_mesh(mesh: Mesh, n_vertices: int, hashes: npt.NDArray[Any] | None) -> None:
-    """Raise FileError unless a mesh has so many vertices and, if they are known, these hashes."""
-    if mesh.n_vertices != n_vertices:
-        raise FileError(
-            f"belongs to a mesh of {plural(n_vertices, 'vertex')}, but {mesh.name} has "
-            f"{mesh.n_vertices:,}"
-        )
-    if hashes is not None and set(mesh_hashes(mesh)).isdisjoint(hashes.ravel().tolist()):
-        raise FileError(
-            f"belongs to another mesh than {mesh.name}, or to the same with its vertices in "
-            "another order, as in another format: give the file that was matched, or match again"
-        )
+    for mesh, size, hashes, known in zip(given, sizes, own, stored, strict=True):
+        if mesh is None:
+            continue
+        if mesh.n_vertices != size:
+            raise FileError(
+                f"belongs to a mesh of {plural(size, 'vertex')}, but {mesh.name} has "
+                f"{mesh.n_vertices:,}"
+            )
+        if known is not None and set(hashes).isdisjoint(known):
+            raise FileError(
+                f"belongs to another mesh than {mesh.name}, or to the same with its vertices in "
+                "another order, as in another format: give the file that was matched, or match "
+                "again"
+            )

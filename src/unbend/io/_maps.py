@@ -20,7 +20,13 @@ from unbend.io._foreign import MeshLike
 from unbend.io._markups import LABELS
 from unbend.io._meshes import as_mesh
 from unbend.io._value_tables import read_table_of_values
-from unbend.io.formats.contents import are_numbers, data_lines, misfit, text_lines
+from unbend.io.formats.contents import (
+    are_numbers,
+    data_lines,
+    misfit,
+    refuse_blank_rows,
+    text_lines,
+)
 from unbend.io.formats.npy import read_array, write_array
 from unbend.mesh import edge_ends
 
@@ -261,13 +267,9 @@ def _numbers(data: bytes, suffix: str) -> IntArray:
             return whole_numbers(values)
         lines = values.tolist()
     else:
-        every = [line.strip() for line in text_lines(data, suffix[1:])]
-        text = "\n".join(line.partition("#")[0] for line in every if line[:1] != "#").strip()
-        lines = text.split("\n") if text else []
-        if not any(lines[1::2]):  # its newlines are doubled
-            lines = lines[::2]
-        if "" in lines:
-            raise FileError(f"row {lines.index('')} is blank; write -1 for a vertex without image")
+        every = text_lines(data, suffix[1:])
+        refuse_blank_rows(every, "write -1 for a vertex without image")
+        lines = [row for line in every if (row := line.partition("#")[0].strip())]
     for index, line in enumerate(lines):
         if not are_numbers([line]):
             raise misfit(f"row {index}", line, "; a map has one vertex number to a line")

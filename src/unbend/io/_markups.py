@@ -229,7 +229,7 @@ def read_markup_pairs(
     if set(labels) != set(others):
         keys, its = ([label.strip().casefold() for label in one] for one in (labels, others))
     numbers, its_numbers = _numbers(keys), _numbers(its)
-    if set(numbers) == set(its_numbers) and not set(keys) & set(its):
+    if numbers and set(numbers) == set(its_numbers) and not set(keys) & set(its):
         keys, its = numbers, its_numbers
     in_common = bool(set(keys) & set(its) - {""})
     if in_common and labels != others:
@@ -257,10 +257,8 @@ def _numbers(labels: list[str]) -> list[str]:
     if not any(labels):
         return [str(i) for i in range(len(labels))]
     found = [re.fullmatch(r"(.*-|)0*([0-9]{1,18})", label) for label in labels]
-    parts = [one.groups() for one in found if one]
-    numbers = [number for _, number in parts]
-    prefixes = {prefix for prefix, _ in parts}
-    alike = len(prefixes) == 1 and len(set(numbers)) == len(labels)
+    numbers = [one[2] for one in found if one]
+    alike = len({one[1] for one in found if one}) == 1 and len(set(numbers)) == len(labels)
     return numbers if alike else []
 
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from unbend._text import plural
 from unbend.errors import FileError
-from unbend.io.formats.contents import are_numbers, misfit, text_lines
+from unbend.io.formats.contents import are_numbers, misfit, refuse_blank_rows, text_lines
 
 _MOST_LETTERS = 1000
 _SEPARATE = "write decimal points, and separate columns by commas in .csv, by blanks in .txt"
@@ -54,7 +54,11 @@ def read_table_of_values(
         if max(map(len, row)) > _MOST_LETTERS:
             raise FileError(f"row {i} holds a word of more than {_MOST_LETTERS} letters")
     if len(rows[0]) == 1 and len(rows) != n_vertices:
-        _refuse_blank_rows(every, header, n_vertices is None)
+        refuse_blank_rows(
+            every[every.index(lines[0]) + 1 :] if header else every,
+            "write NA for a value that is missing, or -1 in a map",
+            may_be_doubled=n_vertices is None,
+        )
     if suffix == ".csv":
         _refuse_decimal_commas(header, rows)
         if len(rows[0]) > 1:
@@ -134,19 +138,6 @@ def _by_vertex(header: list[str], rows: list[list[str]]) -> tuple[list[str], lis
             "these are vertex numbers, else put another first"
         )
     return header, rows
-
-
-def _refuse_blank_rows(every: list[str], header: list[str], allow_doubled: bool) -> None:
-    """Refuse a blank line between rows of one value: the vertices after it would be shifted.
-
-    If newlines are doubled, as some programs write them, every second line is blank.
-    """
-    text = "\n".join(line.strip() for line in every if line.lstrip()[:1] != "#").strip()
-    lines = text.partition("\n")[2].strip().split("\n") if header else text.split("\n")
-    if "" in lines and (any(lines[1::2]) or not allow_doubled):
-        raise FileError(
-            f"row {lines.index('')} is blank; write NA for a value that is missing, or -1 in a map"
-        )
 
 
 def _refuse_decimal_commas(header: list[str], rows: list[list[str]]) -> None:

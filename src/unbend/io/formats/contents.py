@@ -55,6 +55,17 @@ def data_lines(data: bytes, format_name: str) -> list[str]:
     return [line for line in lines if line and not line.isspace()]
 
 
+def refuse_blank_rows(lines: list[str], advice: str, *, may_be_doubled: bool = True) -> None:
+    """Refuse a blank line between rows of one value: those after it would be shifted.
+
+    If newlines are doubled, as some programs write them, every second line is blank.
+    """
+    text = "\n".join(line.strip() for line in lines if line.lstrip()[:1] != "#").strip()
+    rows = text.split("\n")
+    if "" in rows and (any(rows[1::2]) or not may_be_doubled):
+        raise FileError(f"row {rows.index('')} is blank; {advice}")
+
+
 def count(token: str, what: str) -> int:
     """Read a count written in a header."""
     if not token.isdecimal() or len(token) > 4000:  # Python reads no longer ones

@@ -126,9 +126,9 @@ def match_page(
     for i, one in enumerate(maps.values()):
         step("page, maps", 0.3 + 0.6 * i / len(maps))
         errors = None
-        # A runner-up may leave all rows of the ground truth without partner.
-        with nullcontext() if not i else suppress(InputError):
-            if truth is not None:
+        if truth is not None:
+            # A runner-up may leave all rows of the ground truth without partner.
+            with suppress(InputError) if i else nullcontext():
                 found.append(evaluate(one, target, *truth))
                 errors = _errors_of_vertices(source, one, truth, found[-1].direct)
         shares = () if mirror else _FEW_FRAMES if i else _FRAMES

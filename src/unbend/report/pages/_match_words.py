@@ -156,7 +156,7 @@ def facts(
     of_map: str,
     mirror: bool,
 ) -> str:
-    rows = []
+    rows, own = [], []  # of the shapes, and of the map
     for side, one in zip(("shape",) if mirror else _SIDES, shown, strict=False):
         rows.append((side, "; ".join([one.mesh.name, one.size, *one.mesh.notes, *one.facts])))
     if not mirror:
@@ -164,22 +164,22 @@ def facts(
         rows.append(("for display", rotated))
     if ignored:
         which = ", ".join(ignored)
-        rows.append(
-            (f"landmarks ignored{of_map}", f"{which}: they contradict the best-fitting map")
-        )
-    if match is None:
-        return parts.how_made(rows, command)
+        own.append(("landmarks ignored", f"{which}: they contradict the best-fitting map"))
+    if match is not None:
+        own += _measures(match, mirror)
+    return parts.how_made([*rows, *((f"{name}{of_map}", told) for name, told in own)], command)
+
+
+def _measures(match: Match, mirror: bool) -> list[tuple[str, str]]:
     overlap = (
         f"{match.overlap_source:.0%} of the source's, {match.overlap_target:.0%} of the target's"
     )
-    rows.append((f"confidence{of_map}", confidence_told(match.confidence)))
+    rows = [("confidence", confidence_told(match.confidence))]
     if not mirror:
-        rows.append(
-            (f"right side out{of_map}", f"{_right_side_out(match.orientation)} of the surface")
-        )
+        rows.append(("right side out", f"{_right_side_out(match.orientation)} of the surface"))
     rows += [
-        (f"area with a partner{of_map}", overlap),
-        (f"residual of the aligned forms{of_map}", f"{match.residual:.3f}"),
+        ("area with a partner", overlap),
+        ("residual of the aligned forms", f"{match.residual:.3f}"),
     ]
     if match.expected_error is not None:
         median, high = match.expected_error_quantiles()
@@ -187,5 +187,5 @@ def facts(
             f"up to {median:.3f} at half of the vertices, {high:.3f} at 95% (in square roots of "
             f"the target's area; coloured from 0 to {WORST:g} and more)"
         )
-        rows.append((f"expected error{of_map}", told))
-    return parts.how_made(rows, command)
+        rows.append(("expected error", told))
+    return rows
