@@ -33,7 +33,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     write_mesh(tmp_path / "template.ply", template().mesh)
     write_mesh(tmp_path / "scan.ply", torn.mesh)
     write_mesh(tmp_path / "points.xyz", template().mesh.vertices)
-    write_map(tmp_path / "map.npy", damaged_truth(rest_map(template(), scan()), target=torn))
+    truth = damaged_truth(rest_map(template(), scan()), target=torn)
+    write_map(tmp_path / "map.npy", truth)
+    write_map(
+        tmp_path / "from-1.txt", np.where(truth < len(torn.mesh.vertices) - 1, truth, -1), base=1
+    )
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -156,6 +160,7 @@ def test_many_scans_are_fitted_into_a_folder_and_a_bad_one_is_listed(folder: Pat
         ("points.xyz scan.ply --map map.npy -o out.ply", "this is a point cloud"),
         ("points.xyz scan.ply --save-match own.npz -o out.ply", "this is a point cloud"),
         ("scan.ply template.ply --map map.npy -o out.ply", "map.npy"),
+        ("template.ply scan.ply --map from-1.txt -o out.ply", "counted from 1: add --base 1, or"),
         ("template.ply scan.ply scan.ply -o out.ply", "2 meshes need a folder to write to"),
         ("template.ply scan.ply scan.ply --map map.npy -o out", "no folder; leave it out\n"),
     ],

@@ -6,6 +6,7 @@ import itertools
 import os
 import shutil
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -200,6 +201,32 @@ def test_what_is_partly_registered_again_is_not_read(
     with pytest.raises(FileError, match="holds no registered shapes, or not all yet"):
         read_registrations(out)
     collection.register(out / "template.obj", out, workers=0)
+
+
+@pytest.mark.parametrize("killed_after", [0, 1])
+def test_a_mesh_is_as_its_row_says_whenever_a_run_is_killed(
+    own: tuple[Collection, Path], monkeypatch: pytest.MonkeyPatch, killed_after: int
+) -> None:
+    collection, out = own
+    _, (first, *_), _ = read_registrations(out)
+    moved = replace(first, mesh=Mesh(first.mesh.vertices + 1, first.mesh.faces))
+    write = _registering.write_registration
+
+    def killed(*given: Any, **options: Any) -> None:
+        for _ in range(killed_after):
+            write(*given, **options)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(_registering, "match", lambda *given, **options: None)
+    monkeypatch.setattr(_registering, "register", lambda *given: moved)
+    landmarks = {first.mesh.name: [(0, 0)]}
+    with monkeypatch.context() as patch:
+        patch.setattr(_registering, "write_registration", killed)
+        with pytest.raises(KeyboardInterrupt):
+            collection.register(out / "template.obj", out, landmarks=landmarks, workers=0)
+    collection.register(out / "template.obj", out, workers=0)
+    for row, places in zip(rows(out), np.load(out / "vertices.npy"), strict=False):
+        np.testing.assert_allclose(read_mesh(out / row["file"]).vertices, places, atol=1e-6)
 
 
 def test_new_landmarks_register_a_shape_again_and_only_that_and_stay_until_others_are_given(

@@ -11,7 +11,14 @@ from hypothesis.extra.numpy import arrays
 from unbend import Mesh
 from unbend.datasets import make_sphere
 from unbend.errors import FileError, InputError
-from unbend.io import MAP_SUFFIXES, invert_map, read_landmarks, read_map, write_map
+from unbend.io import (
+    MAP_SUFFIXES,
+    invert_map,
+    read_landmarks,
+    read_map,
+    refuse_other_base,
+    write_map,
+)
 
 images = arrays(np.int64, st.integers(1, 30), elements=st.integers(-1, 2**40))
 
@@ -85,6 +92,23 @@ def test_lengths_and_ranges_are_those_of_the_shapes(tmp_path: Path) -> None:
         read_map(path, n_target=4)
     with pytest.raises(FileError, match="there is no such file"):
         read_map(tmp_path / "none.vts")
+
+
+@pytest.mark.parametrize(("name", "first"), [("map.txt", 0), ("map.vts", 1)])
+def test_a_map_that_is_off_by_one_is_refused(tmp_path: Path, name: str, first: int) -> None:
+    ball = make_sphere(2)
+    inner = np.arange(1, ball.n_vertices - 1)
+    true = np.concatenate([[-1], inner, [-1]])
+    refuse_other_base(name, true, ball, ball)
+    refuse_other_base(name, np.full(ball.n_vertices, -1), ball, ball)
+    noise = np.random.default_rng(0).permutation(ball.n_vertices)
+    refuse_other_base(name, noise, ball, ball)
+    write_map(tmp_path / name, true, base=1 - first)
+    wrong = read_map(tmp_path / name)
+    with pytest.raises(
+        FileError, match=f"as if it counted from {1 - first}: add --base {1 - first}"
+    ):
+        refuse_other_base(name, wrong, ball, ball)
 
 
 @pytest.mark.parametrize("array", [np.zeros((2, 2), int), np.array(["1"]), np.array([], int)])

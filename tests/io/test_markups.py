@@ -296,11 +296,25 @@ def test_labels_of_several_points_pair_by_order_only_if_both_files_have_them_ali
 def test_labels_that_have_nothing_in_common_are_told(tmp_path: Path) -> None:
     with pytest.warns(UnbendWarning, match=r"no label in common.* paired by order"):
         assert pair(tmp_path, ["nose", "tail"], ["Nase", "Schwanz"]) == [[0, 0], [1, 1]]
-    for first, second in (["nose-1", "tail-2"], ["eye-9", "ear-7"]), (["1", "2"], ["F-9", "F-7"]):
+    for first, second in (
+        (["nose-1", "tail-2"], ["eye-9", "ear-7"]),
+        (["1", "2"], ["F-9", "F-7"]),
+        (["nose", "tail"], ["F-1", "F-2"]),
+        (["", ""], ["nose", "tail"]),
+    ):
         with pytest.warns(UnbendWarning, match="paired by order"):
             assert pair(tmp_path, first, second) == [[0, 0], [1, 1]]
-    assert pair(tmp_path, ["nose", "tail"], ["F-1", "F-2"]) == [[0, 0], [1, 1]]
-    assert pair(tmp_path, ["nose", "tail"], ["", ""]) == [[0, 0], [1, 1]]
+
+
+def test_points_numbered_from_0_and_from_1_are_not_paired_one_off(tmp_path: Path) -> None:
+    for first, second in (["1", "2", "3"], ["0", "1", "2"]), (["2", "0", "1"], ["3", "2", "1"]):
+        with pytest.raises(
+            InputError, match=r"a\.mrk\.json numbers its points from [01], .* alike"
+        ):
+            pair(tmp_path, first, second)
+    assert pair(tmp_path, ["1", "2", "3", "4"], ["2", "1", "4", "3"])[0] == [0, 1]
+    with pytest.warns(UnbendWarning, match="has a point '0': left out"):
+        assert pair(tmp_path, ["0", "1", "2"], ["1", "2"]) == [[1, 0], [2, 1]]
 
 
 def test_landmarks_that_cannot_be_written_are_named(tmp_path: Path) -> None:

@@ -228,7 +228,6 @@ def test_meshes_carry_values_colors_and_texture(blob: Mesh, tmp_path: Path) -> N
         ("uv.ply", np.zeros((642, 2)), "uv"),
         ("value.obj", np.arange(642), "scalar"),
         ("column.obj", np.arange(642)[:, None], "scalar"),
-        ("uv.obj", np.full((642, 2), np.nan), "uv"),
         ("label.obj", np.repeat(["head", "", "tail"], 214), "label"),
     ):
         write_values(tmp_path / name, values, blob, kind=kind)
@@ -243,7 +242,11 @@ def test_meshes_carry_values_colors_and_texture(blob: Mesh, tmp_path: Path) -> N
     assert len(set(seen)) == 3
     assert seen[1] == (0.6, 0.6, 0.6)  # what has no label is grey
     assert b"uchar red" in bytes_of["colors.ply"]
-    assert b"vt 0.0 0.0" in bytes_of["uv.obj"]
+    places = np.full((642, 2), 0.5)
+    places[7], places[9, 1] = np.nan, np.inf
+    with pytest.warns(UnbendWarning, match="2 vertices without texture coordinates: 0, 0"):
+        write_values(tmp_path / "uv.obj", places, blob, kind="uv")
+    assert (tmp_path / "uv.obj").read_text().count("vt 0.0 0.0\n") == 2
 
 
 def test_what_a_format_cannot_hold(blob: Mesh, tmp_path: Path) -> None:

@@ -123,7 +123,10 @@ def read_given(
     """Read all of a match from a .npz file, or a point map from any other."""
     if not keeps_all(path):
         n_source = None if source is None else source.n_vertices
-        return unbend.read_map(path, base=base, n_source=n_source, n_target=target.n_vertices)
+        found = unbend.read_map(path, base=base, n_source=n_source, n_target=target.n_vertices)
+        if base is None and source is not None:
+            unbend.io.refuse_other_base(path, found, source, target)
+        return found
     if base is not None:
         raise InputError(f"--base is for tables, and {path} is a .npz match; leave it out")
     return unbend.read_match(path, source=source, target=target)

@@ -244,13 +244,15 @@ def register_shape(task: Task) -> list[str]:
     ours, own = f"{template.name}: ", f"{scan.name}: "
     # What is to be said of the template was told once, before.
     told = [one.removeprefix(own) for one in said if ours == own or not one.startswith(ours)]
-    like = task.template if keeps_all(task.mesh, task.template) else None
-    write_registration(task.mesh, found, like=like)
     fields: dict[str, Any] = {name: getattr(found, name) for name in _FIELDS}
     fields |= {"landmarks": task.landmarks, "partial": np.array(task.partial)}
     fields["warnings"] = np.array(told, dtype=np.str_)
+    with file_errors(f"write {task.mesh}"):
+        task.mesh.unlink(missing_ok=True)  # a shape is done if it has both files: never of two runs
     with atomic_write(task.result) as file:
         np.savez(file, vertices=found.mesh.vertices, **fields)
+    like = task.template if keeps_all(task.mesh, task.template) else None
+    write_registration(task.mesh, found, like=like)
     return told
 
 

@@ -17,6 +17,7 @@ from unbend.io._maps import (
     invert_map,
     read_landmarks,
     read_map,
+    refuse_other_base,
     whole_numbers,
     write_map,
 )
@@ -69,6 +70,7 @@ __all__ = [
     "read_named_values",
     "read_table",
     "read_values",
+    "refuse_other_base",
     "value_colors",
     "whole_numbers",
     "write_map",

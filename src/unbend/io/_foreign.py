@@ -112,8 +112,9 @@ def read_foreign(path: Path, data: bytes) -> Contents:
     """Read a file with another program, and say that in the notes."""
     suffix = path.suffix.lower()
     program = "trimesh" if suffix in _TRIMESH else "meshio" if suffix in _MESHIO else "nibabel"
-    if find_spec(program) is None:
-        raise MissingExtraError(program)
+    needed = (program, "networkx", "lxml") if suffix == ".3mf" else (program,)
+    if missing := [one for one in needed if find_spec(one) is None]:
+        raise MissingExtraError(*missing)
     try:
         if suffix in _TRIMESH:
             return _by_trimesh(suffix, data)

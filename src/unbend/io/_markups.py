@@ -232,6 +232,13 @@ def read_markup_pairs(
     if numbers and set(numbers) == set(its_numbers) and not set(keys) & set(its):
         keys, its = numbers, its_numbers
     in_common = bool(set(keys) & set(its) - {""})
+    counted = [[int(one) for one in some] for some in (numbers, its_numbers)]
+    starts = [min(one) for one in counted if one and max(one) - min(one) == len(one) - 1]
+    if in_common and len(first) == len(second) and len({*starts}) == 2:
+        raise InputError(
+            f"{paths[0]} numbers its points from {starts[0]}, {paths[1]} from {starts[1]}: number "
+            "them alike"
+        )
     if in_common and labels != others:
         for key, label in zip((*keys, *its), (*labels, *others), strict=True):
             if keys.count(key) > 1 or its.count(key) > 1:
@@ -246,8 +253,7 @@ def read_markup_pairs(
             f"{paths[0]} has {plural(len(first), 'point')}, {paths[1]} {len(second):,}: they must "
             "be pairs"
         )
-    counted = [[int(one) for one in some] for some in (numbers, its_numbers) if some]
-    if not in_common and not (counted and all(one == sorted(one) for one in counted)):
+    if not in_common and not all(one and one == sorted(one) for one in counted):
         warn(f"{paths[0]} and {paths[1]} have no label in common: points are paired by order")
     return labels, np.column_stack([first, second])
 

@@ -258,7 +258,12 @@ def write_values(
         write_mesh(path, mesh, colors=columns[:, :3], like=like)
     elif kind == "uv":
         # A vertex without texture coordinates still needs numbers to be drawn at all.
-        write_mesh(path, mesh, uvs=np.nan_to_num(array))
+        known = np.isfinite(array).all(axis=1, keepdims=True)
+        write_mesh(path, mesh, uvs=np.where(known, array, 0.0))
+        if not known.all():
+            warn(
+                f"{path.name}: {plural((~known).sum(), 'vertex')} without texture coordinates: 0, 0"
+            )
     else:
         shown = len(names) == 1 or kind == "weights"
         write_mesh(
