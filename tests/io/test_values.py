@@ -163,6 +163,19 @@ def test_whole_numbers_only_where_all_are(tmp_path: Path) -> None:
         read_values(tmp_path / "a.txt")
 
 
+def test_vertex_numbers_may_be_written_as_decimals(tmp_path: Path) -> None:
+    for rows in ("0.0,5\n2.0,7\n1.0,6", "0.000e+00,5\n2.000e+00,7\n1.000e+00,6"):
+        (tmp_path / "a.csv").write_text(f"vertex,value\n{rows}\n")
+        assert read_values(tmp_path / "a.csv").tolist() == [5, 6, 7]
+    for rows, problem in (
+        ("0.0,5\n0,7", "row 1 holds vertex '0' again"),
+        ("0,5\n1.5,7", "vertex 1:"),
+    ):
+        (tmp_path / "a.csv").write_text(f"vertex,value\n{rows}\n")
+        with pytest.raises(FileError, match=problem):
+            read_values(tmp_path / "a.csv")
+
+
 @pytest.mark.parametrize("suffix", [".csv", ".txt"])
 def test_truth_values_are_numbers(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"a{suffix}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -158,11 +157,10 @@ def register(work: Work) -> Result:
     found = correspondence.register(source, target, work.read_map(), progress=work.progress)
     stem = "-on-".join(work.stems)
     for suffix in (".ply", ".obj", ".glb"):
-        keeps = io.keeps_all(stem + suffix, work.paths[0])
+        like = work.like(stem + suffix, 0)
         about = "coloured by the distance from the second shape"
-        path = work.new_file(stem + suffix, "with the texture of the first" if keeps else about)
-        # Once saved, it is not in our folder: it names materials as the file of the first does.
-        like = shutil.copy(work.paths[0], work.folder / f"like{suffix}") if keeps else None
+        kept = f"with all else of {source.name}"
+        path = work.new_file(stem + suffix, about if like is None else kept)
         correspondence.write_registration(path, found, like=like)
     reach = f"{found.tolerance:.3g}"
     covered = (

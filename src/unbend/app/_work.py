@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,7 +15,7 @@ from unbend._types import Progress
 from unbend.choices import Axis
 from unbend.correspondence import read_match
 from unbend.errors import MeshError
-from unbend.io import write_mesh
+from unbend.io import file_extras, keeps_all, write_mesh
 from unbend.matching import Match
 from unbend.mesh import Mesh
 from unbend.report.figures import drawable, upright
@@ -77,10 +78,29 @@ class Work:
         self.files.append({"name": name, "about": about, "path": str(path)})
         return path
 
-    def keep_mesh(self, stem: str, about: str, mesh: Mesh, colors: Any = None) -> None:
-        """Write a shape in the formats of MeshLab, Blender and others."""
+    def keep_mesh(
+        self, stem: str, about: str, mesh: Mesh, colors: Any, number: int = 0, moved: bool = True
+    ) -> None:
+        """Write a given shape, moved or not, in the formats of MeshLab, Blender and others."""
+        whole = mesh.n_faces == self.meshes[number].n_faces
         for suffix in (".ply",) if mesh.is_point_cloud else (".ply", ".obj", ".glb"):
-            write_mesh(self.new_file(stem + suffix, about), mesh, colors=colors)
+            name, told, shown = stem + suffix, about, colors
+            keeps = whole and (moved or suffix == ".obj")
+            like = self.like(name, number) if keeps else None
+            if like is not None:
+                told = f"{about}, with all else of {self.names[number]}"
+                shown = colors if suffix == ".obj" else None  # a GLB file keeps its own
+            write_mesh(self.new_file(name, told), mesh, colors=shown, like=like)
+
+    def like(self, name: str, number: int) -> Path | None:
+        """Copy the file of a shape, if it holds more that a file of this name keeps.
+
+        The result is not saved in our folder: it names materials as the file of the shape does.
+        """
+        original = self.paths[number]
+        if not (file_extras(original) and keeps_all(name, original)):
+            return None
+        return Path(shutil.copy(original, self.folder / f"like{Path(name).suffix}"))
 
     def draw(self, caption: str, mesh: Mesh, colors: Any = None) -> None:
         """Draw a shape, with colours from 0 to 255; points that are too few have no picture."""

@@ -102,16 +102,16 @@ def _are_numeric(rows: list[list[str]]) -> bool:
 
 def _in_order(rows: list[list[str]]) -> list[list[str]]:
     """Sort rows by their first word, the number of a vertex, and remove it."""
-    found: dict[str, list[str]] = {}
+    found: dict[float | str, list[str]] = {}
     for i, (vertex, *words) in enumerate(rows):
-        if vertex in found:
+        number = float(vertex) if are_numbers([vertex]) else vertex  # NumPy and pandas write 2.0
+        if number in found:
             raise FileError(f"row {i} holds vertex {vertex[:20]!r} again")
-        found[vertex] = words
-    numbers = [str(i) for i in range(len(rows))]
-    for vertex in numbers:
-        if vertex not in found:
-            raise FileError(f"holds no row of vertex {vertex}: all are needed, counted from 0")
-    return [found[vertex] for vertex in numbers]
+        found[number] = words
+    for i in range(len(rows)):
+        if i not in found:
+            raise FileError(f"holds no row of vertex {i}: all are needed, counted from 0")
+    return [found[i] for i in range(len(rows))]
 
 
 def _by_vertex(header: list[str], rows: list[list[str]]) -> tuple[list[str], list[list[str]]]:

@@ -33,7 +33,7 @@ _PLACE = 1e-9  # points closer than this are at one place, in sizes of the cloud
 _LINK = 1e6  # weight between points at one place, in sums of the weights around them
 _POSITIVE = 0.1  # entry of the stiffness matrix between points with no surface beyond their edge
 _ENERGY = 1e-6  # relative difference between two ways to the area
-_AGREEMENT = 0.85  # share of the triangles' area that counts, below which there is a warning
+_AGREEMENT = 0.9  # share of the triangles' area that counts, below which there is a warning
 
 
 class Triangulation(NamedTuple):

@@ -8,7 +8,7 @@ import pytest
 
 from browser import CONTEXTS, Browser, changed
 from unbend import Mesh
-from unbend.datasets import make_quadruped
+from unbend.datasets import make_quadruped, make_sphere
 from unbend.io import read_landmarks, read_markups, write_markups
 from unbend.report import view
 from unbend.report.pages import _view_page
@@ -134,6 +134,23 @@ def test_everything_can_be_done_with_the_keyboard(page, tmp_path) -> None:
     page.press("Enter", windowsVirtualKeyCode=13, text="\r")
     assert table(page) == pairs[1:]
     assert page.run("document.activeElement.id") == "undo"
+
+
+@pytest.mark.parametrize("key", ["Enter", "ArrowUp"])
+def test_the_cursor_appears_where_the_middle_is_empty(
+    browser: Browser, tmp_path: Path, key: str
+) -> None:
+    ball = make_sphere(2)
+    away = np.array([4, 0, 0])
+    apart = np.concatenate([ball.vertices, ball.vertices + away])
+    faces = np.concatenate([ball.faces, ball.faces + ball.n_vertices])
+    view(Mesh(apart, faces), path=tmp_path / "apart.html")
+    browser.open(tmp_path / "apart.html")
+    browser.run("part('shape-0').focus()")
+    browser.press(key)
+    browser.press("Enter")
+    ((vertex,),) = table(browser)
+    assert abs(apart[vertex, 0] - 2) < 1.5
 
 
 def test_arrow_keys_go_around_the_shape(page) -> None:

@@ -210,11 +210,23 @@ start(async ({ shapes, landmarks: given }) => {
       say(`Landmark ${one.name} moved on ${shape.name}, vertex ${shape.number(vertex)}.`);
     }
 
+    // Put the cursor on the vertex seen nearest the middle.
+    function begin() {
+      const box = canvas.getBoundingClientRect(), project = view.projection();
+      const middle = [box.width / 2, box.height / 2];
+      let place = middle, least = view.vertexAt(box.left + middle[0], box.top + middle[1]) < 0 ? Infinity : 0;
+      for (let vertex = 0; least > 0 && 3 * vertex < shape.places.length; vertex++) {
+        const [x, y] = project(...row(shape.places, vertex)), away = Math.hypot(x - middle[0], y - middle[1]);
+        if (away < least && view.vertexAt(box.left + x, box.top + y) >= 0) [place, least] = [[x, y], away];
+      }
+      shape.cursor = view.vertexAt(box.left + place[0], box.top + place[1]);
+    }
+
     // Move the cursor to the next vertex seen in a direction; where there is none, turn the shape.
     function step(key, pixels) {
-      const box = canvas.getBoundingClientRect(), start = shape.cursor < 0;
-      const [x, y] = start ? [box.width / 2, box.height / 2] : view.projection()(...row(shape.places, shape.cursor));
-      for (let d = start ? 0 : pixels; d < Math.max(box.width, box.height); d += pixels) {
+      if (shape.cursor < 0) return begin();
+      const box = canvas.getBoundingClientRect(), [x, y] = view.projection()(...row(shape.places, shape.cursor));
+      for (let d = pixels; d < Math.max(box.width, box.height); d += pixels) {
         const right = x + d * WAYS[key][0], down = y + d * WAYS[key][1];
         if (right < 0 || down < 0 || right > box.width || down > box.height) break;
         const vertex = view.vertexAt(box.left + right, box.top + down);
@@ -233,7 +245,7 @@ start(async ({ shapes, landmarks: given }) => {
       else if (key in LETTERS) view.camera.turn(...LETTERS[key]);
       else if (key === "Escape") shape.cursor = -1;
       else if (key === "Enter" || key === " ") {
-        if (shape.cursor < 0) step("ArrowUp", STEP);
+        if (shape.cursor < 0) begin();
         else place(side, shape.cursor);
       } else if (key === "Delete" || key === "Backspace") remove(landmarks.selected);
       else if (key === "m" && landmarks.selected && shape.cursor >= 0) move(landmarks.selected, shape.cursor);
