@@ -437,4 +437,10 @@ def test_a_lead_tells_less_where_other_maps_leave_next_to_nothing_unexplained() 
     featured, smooth = (lead_shares(f * costs, False)[0] for f in (1.0, 0.4))
     assert featured > 0.9
     assert 0.5 < smooth < 0.8
-    assert lead_shares(np.array([0.0, 0.02]), False)[0] > 0.99
+
+
+def test_what_coarse_meshes_of_a_copy_cost_decides_nothing() -> None:
+    of_copies = [lead_shares(np.array([0.0, other]), False)[0] for other in (0.002, 0.02, 0.1)]
+    assert of_copies[0] < 0.51
+    assert of_copies[1] < 0.8
+    assert of_copies[2] > 0.99

@@ -102,11 +102,11 @@ def lead_shares(
     """Probability of each of some distinct maps, the least cost first, that no other is right.
 
     Maps of one cost share it. The fewer features the shapes have, the more of a lead is chance; and
-    more of it is if either is partial.
+    more of it is if either is partial. What a copy costs says nothing: its coarse meshes differ.
     """
     lead *= constants.PARTIAL_LEAD if partial else 1.0
     lead *= max(1.0, constants.FEATURES / max(costs[min(1, len(costs) - 1)], FLOOR)) ** 2
-    shares = np.exp((costs[0] - costs) / (lead * max(costs[0], FLOOR)))
+    shares = np.exp((costs[0] - costs) / (lead * max(costs[0], constants.FEATURES / 2)))
     return np.asarray(shares / shares.sum())
 
 
