@@ -129,7 +129,9 @@ def test_more_dimensions_of_a_form_need_more(blob, monkeypatch):
 @pytest.mark.parametrize("text", ["", "much", "0", "-1", "nan", "inf"])
 def test_a_limit_is_a_number(monkeypatch, text):
     monkeypatch.setenv(LIMIT_VARIABLE, text)
-    with pytest.raises(InputError, match="UNBEND_MEMORY_GIB must be a number of GiB above 0, not"):
+    with pytest.raises(
+        InputError, match=r"UNBEND_MEMORY_GIB\) must be a number of GiB above 0, not"
+    ):
         available_memory()
 
 

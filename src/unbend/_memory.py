@@ -92,7 +92,8 @@ def _user_limit(proc: Path = Path("/proc")) -> int | None:
         limit = int(float(text) * 2**30)
     if limit <= 0:
         raise InputError(
-            f"the memory limit {LIMIT_VARIABLE} must be a number of GiB above 0, not {text!r}"
+            f"the memory limit (--memory-limit, {LIMIT_VARIABLE}) must be a number of GiB above 0, "
+            f"not {text!r}"
         )
     return max(limit - resident_memory("self", proc), 0)
 

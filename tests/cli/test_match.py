@@ -297,6 +297,21 @@ def test_evaluate_prints_a_table_and_draws_curves(folder: Path, tmp_path: Path) 
         write_map(tmp_path / name, rest_map(source(), target()), base=base)
         told = right("evaluate", tmp_path / name, *arguments[1:], "--json", "--base", base).stdout
         assert json.loads(told)["protocols"]["direct"]["mean"] == 0
+    told = "far nearer the truth if they count from 1: name them .vts, if they do"
+    rows = np.arange(1, 500)
+    for name, images in (("rows.txt", rows), ("images.txt", rest_map(source(), target())[rows])):
+        write_map(tmp_path / name, images, base=1)
+    rows_and_images = [tmp_path / "rows.txt", tmp_path / "images.txt"]
+    assert told in right("evaluate", *arguments[:2], *rows_and_images).stderr
+    given = [
+        "match",
+        folder / "a.ply",
+        folder / "b.ply",
+        "--no-refine",
+        "--report",
+        tmp_path / "p.html",
+    ]
+    assert told in right(*given, "--truth", *rows_and_images).stderr
 
 
 def test_transfer_carries_labels_weights_and_colors(folder: Path, tmp_path: Path) -> None:

@@ -160,7 +160,10 @@ def test_many_scans_are_fitted_into_a_folder_and_a_bad_one_is_listed(folder: Pat
         ("points.xyz scan.ply --map map.npy -o out.ply", "this is a point cloud"),
         ("points.xyz scan.ply --save-match own.npz -o out.ply", "this is a point cloud"),
         ("scan.ply template.ply --map map.npy -o out.ply", "map.npy"),
-        ("template.ply scan.ply --map from-1.txt -o out.ply", "counted from 1: add --base 1, or"),
+        (
+            "template.ply scan.ply --map from-1.txt -o out.ply",
+            "if it counts from 1: add --base 1, or",
+        ),
         ("template.ply scan.ply scan.ply -o out.ply", "2 meshes need a folder to write to"),
         ("template.ply scan.ply scan.ply --map map.npy -o out", "no folder; leave it out\n"),
     ],

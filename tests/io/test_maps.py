@@ -17,6 +17,8 @@ from unbend.io import (
     read_landmarks,
     read_map,
     refuse_other_base,
+    roughness,
+    straight_error,
     write_map,
 )
 
@@ -97,18 +99,18 @@ def test_lengths_and_ranges_are_those_of_the_shapes(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("name", "first"), [("map.txt", 0), ("map.vts", 1)])
 def test_a_map_that_is_off_by_one_is_refused(tmp_path: Path, name: str, first: int) -> None:
     ball = make_sphere(2)
-    inner = np.arange(1, ball.n_vertices - 1)
+    n, inner = ball.n_vertices, np.arange(1, ball.n_vertices - 1)
     true = np.concatenate([[-1], inner, [-1]])
-    refuse_other_base(name, true, ball, ball)
-    refuse_other_base(name, np.full(ball.n_vertices, -1), ball, ball)
-    noise = np.random.default_rng(0).permutation(ball.n_vertices)
-    refuse_other_base(name, noise, ball, ball)
     write_map(tmp_path / name, true, base=1 - first)
     wrong = read_map(tmp_path / name)
-    with pytest.raises(
-        FileError, match=f"as if it counted from {1 - first}: add --base {1 - first}"
-    ):
-        refuse_other_base(name, wrong, ball, ball)
+    noise = np.random.default_rng(0).permutation(n)
+    for cost in (roughness(ball, ball), straight_error(ball, inner, inner)):
+        for kept in (true, np.arange(n), np.full(n, -1), noise):
+            refuse_other_base(name, kept, n, cost)
+        with pytest.raises(
+            FileError, match=f"if it counts from {1 - first}: add --base {1 - first}"
+        ):
+            refuse_other_base(name, wrong, n, cost)
 
 
 @pytest.mark.parametrize("array", [np.zeros((2, 2), int), np.array(["1"]), np.array([], int)])

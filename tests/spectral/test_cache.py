@@ -18,7 +18,6 @@ from unbend import (
 )
 from unbend.datasets import make_sphere
 from unbend.errors import InputError
-from unbend.spectral import _cache as cache
 from unbend.spectral import _spectrum as spectra
 from unbend.spectral import cache_info, clear_cache, eigenpairs, make_surface, use_cache
 from unbend.spectral._cache import cache_key, load_eigenpairs, store_eigenpairs
@@ -176,7 +175,7 @@ def test_pickles_are_not_opened(folder):
 
 def test_grows_to_its_bound_and_drops_the_least_recently_used(folder, monkeypatch):
     size = 5000
-    monkeypatch.setattr(cache, "_MOST_BYTES", 5 * size)
+    monkeypatch.setenv("UNBEND_CACHE_GIB", f"{5 * size / 2**30!r}")
     a, b, c, d, e, f = (40 * letter for letter in "abcdef")  # as hashes are
     for number, name in enumerate((a, b, c, d)):
         store_eigenpairs(name, np.arange(4.0), np.zeros((110, 4)))
@@ -192,10 +191,14 @@ def test_grows_to_its_bound_and_drops_the_least_recently_used(folder, monkeypatc
 
 
 def test_its_bound_can_be_set(monkeypatch):
-    most = cache_info().most_bytes
-    for text, bound in (("0.5", 2**29), ("-1", 0), ("much", most), ("inf", most)):
+    for text, bound in (("0.5", 2**29), ("0", 0), ("1e2", 100 * 2**30), ("", 2**31)):
         monkeypatch.setenv("UNBEND_CACHE_GIB", text)
         assert cache_info().most_bytes == bound
+    for text in ("-1", "0,5", "inf", "nan"):
+        monkeypatch.setenv("UNBEND_CACHE_GIB", text)
+        with pytest.raises(InputError, match=f"number of GiB, 0 or more, not '{text}'"):
+            cache_info()
+    monkeypatch.delenv("UNBEND_CACHE_GIB")
     with pytest.raises(InputError, match="folder must be a path, not 0; gib=0"), use_cache(0):
         pass
     for gib in (-1, np.inf):
@@ -204,7 +207,7 @@ def test_its_bound_can_be_set(monkeypatch):
 
 
 def test_a_spectrum_too_large_for_the_cache_is_left_out(monkeypatch):
-    monkeypatch.setattr(cache, "_MOST_BYTES", 100)
+    monkeypatch.setenv("UNBEND_CACHE_GIB", "1e-7")
     store_eigenpairs("key", VALUES, FUNCTIONS)
     assert cache_info().n_files == 0
 

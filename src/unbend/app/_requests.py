@@ -38,7 +38,7 @@ def check_request(
 ) -> dict[str, Any]:
     """Turn what a page asked for into a job; raise InputError for anything else."""
     what, chosen = asked.get("do"), asked.get("shapes", [])
-    if what not in JOBS or what == "look":
+    if what not in [*JOBS] or what == "look":  # which need not be text
         raise InputError("there is no such job")
     job: dict[str, Any] = {"do": what}
     result: Mapping[str, Any] = {}

@@ -125,7 +125,8 @@ def read_given(
         n_source = None if source is None else source.n_vertices
         found = unbend.read_map(path, base=base, n_source=n_source, n_target=target.n_vertices)
         if base is None and source is not None:
-            unbend.io.refuse_other_base(path, found, source, target)
+            rough = unbend.io.roughness(source, target)
+            unbend.io.refuse_other_base(path, found, target.n_vertices, rough)
         return found
     if base is not None:
         raise InputError(f"--base is for tables, and {path} is a .npz match; leave it out")

@@ -50,6 +50,10 @@ def evaluate(
     point_map = given.source_to_target if isinstance(given, unbend.Match) else given
     files = source_truth, target_truth, mirrored_truth
     sources, *truths = read_truth(files, len(point_map), shape.n_vertices)
+    if base is None and point_map is given:
+        error = unbend.io.straight_error(shape, sources, truths[0])
+        unbend.io.refuse_other_base(map_file, point_map, shape.n_vertices, error)
+    unbend.io.warn_of_truth(files[:2], point_map, shape, sources, truths[0])
     found = unbend.evaluate(
         point_map, shape, sources, *truths, distance=distance, progress=output.progress
     )

@@ -95,6 +95,8 @@ def match(
         barycentric=any((figure, report, colored, map_out and inputs.keeps_all(map_out))),
         progress=output.progress,
     )
+    if truth is not None and known is not None:
+        unbend.io.warn_of_truth(truth, found.source_to_target, shapes[1], *known[:2])
     seconds = output.elapsed()
     if (count := 1 + len(found.alternatives)) < n_matches:
         output.say("note", f"{plural(count, 'distinct map')} found, not {n_matches:,}")

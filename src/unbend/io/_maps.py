@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,8 @@ from scipy.sparse.csgraph import dijkstra
 
 from unbend._arrays import array_of, is_whole, snap
 from unbend._text import plural
-from unbend._types import IntArray, StrPath
-from unbend.errors import FileError, InputError
+from unbend._types import FloatArray, IntArray, StrPath
+from unbend.errors import FileError, InputError, warn
 from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes
 from unbend.io._foreign import MeshLike
 from unbend.io._markups import LABELS
@@ -31,8 +32,7 @@ from unbend.io.formats.npy import read_array, write_array
 from unbend.mesh import edge_ends
 
 MAP_SUFFIXES = (".npy", ".txt", ".csv", ".vts")
-# A map off by one is so much rougher: 1.5 times on grids, 2.5 and more on scans.
-_SMOOTHER = 0.8
+_LESS = 0.8  # Maps off by one are 1.5 times as rough on grids, 2.5 times and more on scans.
 _SIDES = (("source", "target"), ("template", "scan"))  # what names of columns of landmarks hold
 
 
@@ -256,29 +256,58 @@ def invert_map(point_map: npt.ArrayLike, target: MeshLike) -> IntArray:
     return inverse
 
 
-def refuse_other_base(
-    path: StrPath, point_map: IntArray, source: MeshLike, target: MeshLike
-) -> None:
-    """Raise FileError if a map is clearly smoother where its file counts from the other of 0 and 1.
+def roughness(source: MeshLike, target: MeshLike) -> Callable[[IntArray], float]:
+    """Return what sums up how far apart a map leads neighbours of the source."""
+    mesh, places = as_mesh(source), as_mesh(target).vertices
+    i, j = edge_ends(mesh.faces, mesh.n_vertices).T
+    return lambda images: _length(places, images[i], images[j])
 
-    A map that is off by one leads neighbours to what is next in the file, not on the surface.
+
+def straight_error(
+    target: MeshLike, rows: IntArray, truth: IntArray
+) -> Callable[[IntArray], float]:
+    """Return what sums up how far from the truth, in a straight line, a map leads some vertices."""
+    places = as_mesh(target).vertices
+    return lambda images: _length(places, images[rows], truth)
+
+
+def _length(places: FloatArray, start: IntArray, end: IntArray) -> float:
+    there = (start >= 0) & (end >= 0)
+    return float(np.linalg.norm(places[start[there]] - places[end[there]], axis=1).sum())
+
+
+def refuse_other_base(
+    path: StrPath, point_map: IntArray, n_target: int, cost: Callable[[IntArray], float]
+) -> None:
+    """Raise FileError if a map costs clearly less where its file counts from the other of 0 and 1.
+
+    A map that is off by one leads to what is next in the file, not on the surface.
     """
-    source, target = as_mesh(source), as_mesh(target)
     first = _base(None, Path(path).suffix.lower())
     other = np.where(point_map < 0, -1, point_map + 2 * first - 1)
-    if other.max() >= target.n_vertices or (other < 0).sum() > (point_map < 0).sum():
-        return
-    ends = edge_ends(source.faces, source.n_vertices)
-    i, j = ends[(point_map[ends] >= 0).all(axis=1)].T
-    lengths = [
-        np.linalg.norm(target.vertices[one[i]] - target.vertices[one[j]], axis=1).sum()
-        for one in (point_map, other)
-    ]
-    if lengths[1] < _SMOOTHER * lengths[0]:
-        rougher = f"{lengths[0] / lengths[1]:.1f} times as far apart as if it counted from"
+    possible = other.max() < n_target and (other < 0).sum() == (point_map < 0).sum()
+    if possible and cost(other) < _LESS * cost(point_map):
         raise FileError(
-            f"{path}: partners of neighbours are {rougher} {1 - first}: add --base {1 - first}, or "
+            f"{path}: fits far better if it counts from {1 - first}: add --base {1 - first}, or "
             f"--base {first} if it does not"
+        )
+
+
+def warn_of_truth(
+    paths: Sequence[str], point_map: IntArray, target: MeshLike, rows: IntArray, truth: IntArray
+) -> None:
+    """Warn if a map is far nearer the truth where the files of that count from 1."""
+    if (
+        any(path.lower().endswith(".vts") for path in paths)
+        or min(rows.min(), abs(truth).min()) < 1
+    ):
+        return
+    other = np.where(truth < 0, -1, truth - 1)
+    here, there = straight_error(target, rows, truth), straight_error(target, rows - 1, other)
+    if there(point_map) < _LESS / 2 * here(point_map):
+        warn(
+            f"{paths[0]} and {paths[1]} count from 0, and the map is far nearer the truth if they "
+            "count from 1: name them .vts, if they do"
         )
 
 

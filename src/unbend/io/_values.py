@@ -260,10 +260,8 @@ def write_values(
         # A vertex without texture coordinates still needs numbers to be drawn at all.
         known = np.isfinite(array).all(axis=1, keepdims=True)
         write_mesh(path, mesh, uvs=np.where(known, array, 0.0))
-        if not known.all():
-            warn(
-                f"{path.name}: {plural((~known).sum(), 'vertex')} without texture coordinates: 0, 0"
-            )
+        if unknown := int((~known).sum()):
+            warn(f"{path.name}: {plural(unknown, 'vertex')} without texture coordinates: 0, 0")
     else:
         shown = len(names) == 1 or kind == "weights"
         write_mesh(

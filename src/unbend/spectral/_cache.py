@@ -26,7 +26,7 @@ from unbend.mesh import Mesh
 
 # Total size that the cache may grow to, unless UNBEND_CACHE_GIB says another; the files used
 # longest ago go first. If it is 0, the cache is off.
-_MOST_BYTES = 2 * 2**30
+_MOST_GIB = "2"
 _OWN = "[0-9a-f]" * 40 + ".npz"  # files of ours, whatever else is in the folder
 _ABANDONED_SECONDS = 3600.0  # a temporary file this old was left by a process that was killed
 
@@ -98,10 +98,14 @@ def use_cache(
 
 
 def _most_bytes() -> int:
+    text = os.environ.get("UNBEND_CACHE_GIB") or _MOST_GIB
     try:
-        return max(int(float(os.environ["UNBEND_CACHE_GIB"]) * 2**30), 0)
-    except (KeyError, ValueError, OverflowError):
-        return _MOST_BYTES
+        most = int(float(text) * 2**30)
+    except (ValueError, OverflowError):
+        most = -1
+    if most < 0:
+        raise InputError(f"UNBEND_CACHE_GIB must be a number of GiB, 0 or more, not {text!r}")
+    return most
 
 
 def cache_key(mesh: Mesh, *how: str | float) -> str:
