@@ -18,7 +18,6 @@ from unbend._types import FloatArray, IntArray, StrPath
 from unbend.errors import FileError, InputError, warn
 from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes
 from unbend.io._foreign import MeshLike
-from unbend.io._markups import LABELS
 from unbend.io._meshes import as_mesh
 from unbend.io._value_tables import read_table_of_values
 from unbend.io.formats.contents import (
@@ -28,6 +27,7 @@ from unbend.io.formats.contents import (
     refuse_blank_rows,
     text_lines,
 )
+from unbend.io.formats.landmarks import LABELS
 from unbend.io.formats.npy import read_array, write_array
 from unbend.mesh import edge_ends
 

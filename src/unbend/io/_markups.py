@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
-from xml.etree import ElementTree
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -21,12 +19,10 @@ from unbend.errors import FileError, InputError, warn
 from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes
 from unbend.io._foreign import MeshLike
 from unbend.io._meshes import as_mesh
-from unbend.io.formats.contents import are_numbers, data_lines, misfit, text_lines
+from unbend.io.formats import landmarks
 from unbend.mesh import Mesh, used_vertices, vertex_ids
 
-MARKUP_SUFFIXES = (".json", ".fcsv", ".pp")
-_TABLES = (".csv", ".txt", ".pts")
-LABELS = ("label", "name", "landmark")
+MARKUP_SUFFIXES = landmarks.SUFFIXES
 # Of the diagonal of the mesh's bounding box: how far from the mesh a point may be, and how far from
 # the vertex that it is described as unless it has been moved.
 _FARTHEST, _MOVED = 0.03, 1e-3
@@ -36,8 +32,6 @@ _SCHEMA = (
     "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/"
     "Resources/Schema/markups-schema-v1.0.3.json#"
 )
-# Slicer's older files have numbers for their axes.
-_FLIPS = {"LPS": 1, "RAS": -1, "1": 1, "0": -1}
 
 
 def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
@@ -121,20 +115,11 @@ def _read(
 
     One without a position is left out only if the file is `alone`: it may pair by order.
     """
-    data, suffix = read_bytes(path, (*MARKUP_SUFFIXES, *_TABLES)), path.suffix.lower()
+    data, suffix = read_bytes(path, (*landmarks.SUFFIXES, *landmarks.TABLES)), path.suffix.lower()
     mesh, there, tree, size = around
     labels, places, vertices, away, n_moved = [], [], [], [], 0
     with prefixed(path.name):
-        try:
-            if suffix in _TABLES:
-                points = _table(data, suffix, mesh.vertices)
-            else:
-                points = {".json": _mrk_json, ".fcsv": _fcsv, ".pp": _pp}[suffix](data)
-        except FileError:
-            raise
-        except Exception as error:  # JSON or XML of another structure raises many kinds
-            program = "MeshLab" if suffix == ".pp" else "3D Slicer"
-            raise FileError(f"not a landmark file of {program}, or a damaged one") from error
+        points = landmarks.read(data, suffix, mesh.vertices)
         for i, (given, description, position) in enumerate(points):
             label = given or f"{i + 1}"
             number = re.fullmatch(r"vertex (\d{1,18})", description)
@@ -306,105 +291,3 @@ def write_markups(
     markup = {"type": "Fiducial", "coordinateSystem": "LPS", "controlPoints": points}
     with atomic_write(path) as file:
         file.write(json.dumps({"@schema": _SCHEMA, "markups": [markup]}, indent=1).encode())
-
-
-_Point = tuple[str, str, npt.NDArray[np.float64]]
-
-
-def _mrk_json(data: bytes) -> list[_Point]:
-    return [
-        _point(
-            point.get("label", ""),
-            point.get("description", ""),
-            point["position"]
-            if point.get("positionStatus", "defined") == "defined"
-            else [np.nan] * 3,
-            markup.get("coordinateSystem", "LPS"),
-        )
-        for markup in json.loads(data)["markups"]
-        for point in markup["controlPoints"]
-    ]
-
-
-def _fcsv(data: bytes) -> list[_Point]:
-    """Rows of id, x, y, z, four numbers of a rotation, three switches, label and description.
-
-    Newer ones end in a node, whether there is a position (0, 3: none), and another switch.
-    """
-    lines = text_lines(data, "FCSV")
-    axes = [line.partition("=")[2].strip() for line in lines if "CoordinateSystem" in line]
-    rows = csv.reader((line for line in lines if line and not line.startswith("#")), strict=True)
-    return [
-        _point(
-            row[11],
-            row[12],
-            [np.nan] * 3 if row[14:15] in (["0"], ["3"]) else row[1:4],
-            axes[0] if axes else "RAS",
-        )
-        for row in rows
-    ]
-
-
-def _pp(data: bytes) -> list[_Point]:
-    """Elements with a name, x, y, z, and active="0" where a point has not been placed."""
-    points = ElementTree.fromstring("\n".join(text_lines(data, "PP"))).iter("point")
-    return [
-        _point(one.get("name", ""), "", [one.attrib[axis] for axis in "xyz"], "LPS")
-        for one in points
-        if one.get("active") != "0"
-    ]
-
-
-def _table(data: bytes, suffix: str, vertices: FloatArray) -> list[_Point]:
-    """Rows of x, y, z, perhaps after a label, or columns of these names; IDAV's .pts likewise.
-
-    Tables of 3D Slicer name their axes l, p, s or r, a, s, and say in a column whether a point is
-    defined. Or columns label and vertex, as the page of unbend view saves landmarks of one mesh.
-    """
-    lines = data_lines(data, suffix[1:])
-    if suffix == ".pts" and lines and re.match(r"version", lines[0], re.IGNORECASE):
-        lines = lines[2:]  # how many there are
-    between = next((mark for mark in ";\t," if lines and mark in lines[0]), " ")
-    if between == " ":
-        lines = [" ".join(line.split()) for line in lines]
-    cells = csv.reader(lines, delimiter=between, skipinitialspace=True, strict=True)
-    try:
-        rows = [[word.strip() for word in row] for row in cells]
-    except csv.Error as error:
-        raise FileError(f"not a table: {error}") from None
-    names = [name.lower() for name in rows[0]] if rows else []
-    label = next((i for i, name in enumerate(names) if name in LABELS), 0)
-    if "vertex" in names and "x" not in names and names[label] in LABELS:
-        number = names.index("vertex")
-        for i, row in enumerate(rows[1:]):
-            if len(row) != len(names) or not re.fullmatch(r"\d{1,18}", row[number]):
-                meant = "a label and the number of a vertex"
-                raise misfit(f"row {i}", between.join(row), f"; a landmark is {meant}")
-        places = np.vstack([vertices, np.full(3, np.nan)])  # the last of numbers that are too high
-        return [
-            (row[label], f"vertex {row[number]}", places[min(int(row[number]), len(vertices))])
-            for row in rows[1:]
-        ]
-    at, first = [-3, -2, -1], 0
-    axes = next((axes for axes in ("xyz", "lps", "ras") if {*axes} <= {*names}), "")
-    if axes:
-        at, first = [names.index(axis) for axis in axes], 1
-    labelled = len(names) > 3 and label not in at
-    points = []
-    for i, row in enumerate(rows[first:]):
-        of_row = len(row) == len(names) and (first or len(row) in (3, 4))
-        place = ["nan" if row[k] == "NA" else row[k] for k in at] if of_row else []  # NA: R's
-        if not of_row or not are_numbers(place):
-            meant = "x, y and z with decimal points, perhaps after a label, or below these names"
-            raise misfit(f"row {i}", between.join(row), f"; a point is {meant}")
-        if "defined" in names and row[names.index("defined")] == "0":
-            place = ["nan"] * 3
-        turned = "RAS" if axes == "ras" else "LPS"
-        points.append(_point(row[label] if labelled else "", "", place, turned))
-    return points
-
-
-def _point(label: Any, description: Any, position: Any, axes: Any) -> _Point:
-    flip = _FLIPS[axes]
-    x, y, z = map(float, position)
-    return str(label), str(description).strip(), np.array([flip * x, flip * y, z])
