@@ -50,6 +50,12 @@ def test_a_cancelled_job_ends_and_the_next_one_runs(worker, tmp_path) -> None:
     assert found["warnings"] == []
 
 
+def test_a_closed_worker_starts_no_other(tmp_path) -> None:
+    worker = Worker(64 * GIB)
+    assert run_until(worker, tmp_path / "a", worker.close) == {}
+    assert not worker._process.is_alive()
+
+
 def test_errors_are_sentences(worker, tmp_path) -> None:
     (tmp_path / "bad.off").write_text("OFF\n1 1\n", encoding="utf-8")
     job = {

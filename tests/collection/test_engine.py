@@ -192,6 +192,17 @@ def test_a_scheduler_that_goes_away_is_told(forked: None) -> None:
             results(run, items())
 
 
+def test_workers_of_several_threads_are_refused(forked: None) -> None:
+    from distributed import LocalCluster
+
+    with (
+        LocalCluster(n_workers=1, threads_per_worker=2, dashboard_address="127.0.0.1:0") as own,
+        pytest.raises(InputError, match=r"one thread each: dask worker tcp://.* --nthreads 1"),
+        engine(scheduler=own.scheduler_address) as run,
+    ):
+        results(run, ["1"])
+
+
 def test_workers_that_do_not_come_are_told() -> None:
     def never(count: int, timeout: float) -> None:
         assert (count, timeout) == (1, _engine._PATIENCE_SECONDS)

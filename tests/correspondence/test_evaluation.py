@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from unbend import Mesh
 from unbend.correspondence import THRESHOLDS, _evaluation, evaluate
@@ -80,6 +81,27 @@ def test_curve_counts_errors_up_to_each_threshold() -> None:
     assert 0 <= found.auc() < 1
     # Errors of a tenth: the curve is 0 up to 0.0875 and 1 from 0.1.
     assert replace(found, direct=np.array([0.1])).auc() == 8.5 / 16
+
+
+def test_errors_on_a_threshold_are_within_it() -> None:
+    side = np.arange(81) / 80
+    x, y = np.meshgrid(side, side, indexing="ij")
+    corner = (81 * np.arange(80)[:, None] + np.arange(80)).ravel()
+    faces = (corner[:, None, None] + np.array([[0, 81, 1], [1, 81, 82]])).reshape(-1, 3)
+    square = Mesh(np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]), faces)
+    rows = 81 * np.arange(0, 80, 20)
+    for k in (1, 2, 3):
+        found = evaluate(np.arange(x.size), square, rows, rows + k, distance="geodesic-exact")
+        assert found.curve()[k] == 100
+
+
+def test_what_distances_warn_of_is_told_every_time() -> None:
+    way = np.random.default_rng(0).normal(size=(60, 3)) * [1, 1, 100]
+    caps = ConvexHull(way / np.linalg.norm(way, axis=1, keepdims=True))  # far apart
+    mesh, every = Mesh(caps.points, caps.simplices), np.arange(60)
+    for _ in range(2):
+        with pytest.warns(UnbendWarning, match="falls short of the straight line"):
+            evaluate(every, mesh, every, np.roll(every, 1))
 
 
 def test_rows_without_a_mirrored_image_count_for_the_direct_protocol() -> None:

@@ -105,6 +105,21 @@ def test_a_component_without_an_image_stays_beside_the_rest_in_any_unit(
     np.testing.assert_allclose(found, scale * both.vertices, atol=1e-4 * scale)
 
 
+def test_an_unused_vertex_holds_no_component() -> None:
+    """A ball in a body, nearer the origin than the body's surface is, stays in its middle."""
+    ball = make_sphere(2)
+    body, inside = ball.vertices * [3, 1, 1], 0.2 * ball.vertices + [0.5, 0, 0]
+    n, turn = len(body), _turn(40)
+    places = np.vstack([body, inside, [[100, 100, 100]]])
+    whole = Mesh(places, np.vstack([ball.faces, ball.faces + n]))
+    images = np.append(np.arange(n), np.full(n + 1, -1))
+    bare = Mesh(places[:-1], whole.faces)
+    stretched = (body * [1.5, 1, 1]) @ turn.T + 10, ball.faces
+    expected = morph(bare, stretched, images[:-1], 1).vertices
+    found = morph(whole, stretched, images, 1).vertices[:-1]
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
 @pytest.mark.parametrize("t", [0.5, 1])
 def test_smaller_components_of_a_match_keep_their_form_beside_what_is_nearest(t: float) -> None:
     body, pose = (make_quadruped(one, n_vertices=1000).mesh for one in ("standing", "galloping"))

@@ -248,6 +248,16 @@ def test_vertices_that_no_face_uses_go_along() -> None:
     assert not found.covered[N:].any()
 
 
+def test_a_vertex_that_only_an_improper_face_names_goes_along() -> None:
+    ball = make_sphere(2)
+    n = ball.n_vertices
+    places = np.vstack([ball.vertices, [[0, 0, 1.1]]])
+    odd, plain = Mesh(places, np.vstack([ball.faces, [[0, n, n]]])), Mesh(places, ball.faces)
+    scan, images = (ball.vertices * [1, 1, 1.3], ball.faces), np.append(np.arange(n), -1)
+    found, expected = (register(one, scan, images).mesh.vertices for one in (odd, plain))
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
 def test_joints_stay_in_the_middle_of_what_bends_around_them() -> None:
     template, posed = _template(), _posed()
     joints = [bone.head for bone in template.bones]

@@ -284,6 +284,18 @@ def test_open_surface_and_small_mesh() -> None:
     assert len(found.functional_map) <= len(used) // 2
 
 
+@pytest.mark.usefixtures("_small_copies")
+def test_a_vertex_that_only_an_improper_face_names_has_no_partner() -> None:
+    blob = make_blob(2)
+    n = blob.n_vertices
+    odd = Mesh(np.vstack([blob.vertices, blob.vertices[:1]]), np.vstack([blob.faces, [[0, n, n]]]))
+    with (
+        pytest.warns(UnbendWarning, match="1 unreferenced vertex"),
+        pytest.warns(UnbendWarning, match="1 face left out"),
+    ):
+        assert match(odd, blob, refine=False).source_to_target[n] == -1
+
+
 @pytest.mark.filterwarnings("ignore:part of the map is wrong")
 def test_the_same_every_time_and_unlike_shapes_are_not_trusted(blob: Mesh) -> None:
     torus = make_torus(20, 8)

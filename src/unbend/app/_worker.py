@@ -31,6 +31,7 @@ class Worker:
     def __init__(self, memory: int) -> None:
         self._memory = memory
         self._lock = threading.Lock()
+        self._closed = False
         self._start()
 
     def run(self, job: dict[str, Any], progress: Progress) -> dict[str, Any]:
@@ -52,7 +53,7 @@ class Worker:
                 progress(answer["stage"], answer["share"])
         except (EOFError, OSError):
             with self._lock:
-                if process is not self._process:
+                if process is not self._process or self._closed:
                     return {}
                 process.join()
                 self._start()
@@ -68,6 +69,7 @@ class Worker:
 
     def close(self) -> None:
         with self._lock:
+            self._closed = True
             self._end()
 
     def _start(self) -> None:

@@ -239,7 +239,10 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
                 "give the address that it prints, as tcp://host:port"
             ) from error
         with client:
-            _wait_for_workers(client, f"dask worker {scheduler} starts one")
+            start = f"dask worker {scheduler} --nthreads 1 starts one"
+            _wait_for_workers(client, start)
+            if max(client.nthreads().values()) > 1:  # threads of one share the cache's settings
+                raise InputError(f"workers must have one thread each: {start}")
             yield client
         return
     if multiprocessing.current_process().daemon:

@@ -17,7 +17,7 @@ from unbend.choices import GeodesicKind
 from unbend.correspondence._archive import mesh_hashes
 from unbend.correspondence._transfer import as_point_map
 from unbend.distances import GEODESIC, geodesic_solver
-from unbend.errors import InputError, MeshError, warn
+from unbend.errors import InputError, MeshError, heard, warn
 from unbend.io import MeshLike, as_mesh, checked_map
 from unbend.matching import Match
 from unbend.mesh import Mesh, vertex_areas, vertex_ids
@@ -28,9 +28,11 @@ THRESHOLDS = np.arange(17) / 80
 THRESHOLDS.setflags(write=False)
 _SHOWN = (4, 8)  # thresholds that a table shows
 
-# Distances are kept for the meshes used last, up to this size; for the last one if memory is free.
+# Distances, and what they warned of, are kept for the meshes used last, up to this size; for the
+# last one if memory is free.
 _KEPT_BYTES = 2**30
-_kept: dict[tuple[int, ...], dict[int, FloatArray]] = {}
+_kept: dict[tuple[int, ...], dict[int, tuple[FloatArray, list[str]]]] = {}
+_ROUNDED = 1 + 1e-6  # they are in single precision
 
 
 @dataclass(frozen=True)
@@ -104,7 +106,7 @@ class Evaluation(Brief):
     def curve(self, protocol: str = "direct") -> FloatArray:
         """Percentage of rows with an error of at most each of `THRESHOLDS`: (17,)."""
         errors = self.errors(protocol)
-        return np.asarray(100 * (errors[:, None] <= THRESHOLDS).mean(axis=0))
+        return np.asarray(100 * (errors[:, None] <= THRESHOLDS * _ROUNDED).mean(axis=0))
 
     def auc(self, protocol: str = "direct") -> float:
         """Area under the curve from 0 to 0.2, as a share of the best possible: 0 to 1."""
@@ -254,21 +256,28 @@ def _errors(
     kept = _kept[key] = _kept.pop(key, {})  # the last one used
     errors, order = np.empty(len(rows)), np.argsort(truth[rows], kind="stable")
     vertices, starts = np.unique(truth[rows][order], return_index=True)
+    told: dict[str, None] = {}
     if not kept.keys() >= set(vertices.tolist()):
-        from_vertex = geodesic_solver(target, exact=kind == "geodesic-exact")
+        with heard() as of_all:
+            from_vertex = geodesic_solver(target, exact=kind == "geodesic-exact")
         scale = np.sqrt(vertex_areas(target).sum())
     for i, some in enumerate(np.split(order, starts[1:])):
         vertex = int(vertices[i])
-        distances = kept.get(vertex)
-        if distances is None:
+        row = kept.get(vertex)
+        if row is None:
             if progress is not None:
                 progress(f"{kind} distances", i / len(vertices))
-            distances = (from_vertex(vertex) / scale).astype(np.float32)
+            with heard() as of_one:
+                distances = (from_vertex(vertex) / scale).astype(np.float32)
+            row = distances, [*of_all, *of_one]
             size = distances.nbytes * (len(kept) + 1)
             room = available_memory() if size > _KEPT_BYTES else None
             if room is None or size <= room:
-                kept[vertex] = distances
-        errors[some] = distances[found[rows[some]]]
+                kept[vertex] = row
+        errors[some] = row[0][found[rows[some]]]
+        told |= dict.fromkeys(row[1])
+    for message in told:
+        warn(message)
     _forget()
     return errors, truth >= 0
 

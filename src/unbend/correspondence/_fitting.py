@@ -257,7 +257,7 @@ def joined(surface: ElasticSurface, unmatched: BoolArray, weight: float = _JOINT
     """Join components without a match to the nearest of the others, which they then follow."""
     if not unmatched.any():
         return surface
-    loose, others = np.flatnonzero(unmatched), np.flatnonzero(~unmatched)
+    loose, others = np.flatnonzero(unmatched), np.flatnonzero(~unmatched & (surface.areas > 0))
     nearest = others[cKDTree(surface.vertices[others]).query(surface.vertices[loose])[1]]
     weights = surface.edge_weights
     links = sp.csr_matrix((np.full(len(loose), weight), (loose, nearest)), shape=weights.shape)

@@ -23,6 +23,7 @@ from unbend.mesh import (
     find_components,
     has_earlier_twin,
     orient_consistently,
+    proper_faces,
     used_vertices,
     vertex_areas,
 )
@@ -144,7 +145,7 @@ def register(
     whole, number = join_seams(template)
     scan, of_scan = join_seams(scan)
     images = np.where(images < 0, -1, of_scan[images])
-    used = np.unique(whole.faces)
+    used = np.unique(proper_faces(whole.faces))
     rest, faces = whole.vertices[used], np.searchsorted(used, _oriented(whole))
     areas = vertex_areas(whole)[used]
     area = float(areas.sum())
@@ -220,7 +221,8 @@ def write_registration(
 
 
 def _oriented(mesh: Mesh) -> IntArray:
-    faces = orient_consistently(mesh.vertices, mesh.faces[~has_earlier_twin(mesh.faces)])
+    proper = proper_faces(mesh.faces)
+    faces = orient_consistently(mesh.vertices, proper[~has_earlier_twin(proper)])
     if faces is None:
         raise MeshError(
             f"{mesh.name}: the surface has only one side, like a Möbius strip, so inside and "

@@ -25,6 +25,7 @@ from unbend.mesh import (
     measure_corners,
     orient_consistently,
     outwardness,
+    proper_faces,
     vertex_areas,
 )
 from unbend.mesh.refinement import refine
@@ -159,7 +160,7 @@ def _check(mesh: Mesh) -> _Checked:
     outward = outwardness(surface.mesh.vertices, faces)
     found = np.full(mesh.n_vertices, -1)
     found[kept] = np.arange(len(kept))
-    others = np.setdiff1d(joined.faces, kept)
+    others = np.setdiff1d(proper_faces(joined.faces), kept)
     found[others] = cKDTree(mesh.vertices[kept]).query(mesh.vertices[others])[1]
     found = found[number]
     away = _away(mesh, surface, kept, found)
