@@ -22,7 +22,7 @@ from extra_sets import extras
 from face_sets import faces
 from match_cases import Set
 from own_sets import HARM, bodies, different
-from part_sets import HELD_OUT, KNOWN, parts
+from part_sets import HELD_OUT, KNOWN, parts, small_parts
 from public_sets import SHREC07, all_pairs, listed, sequences, shrec07, shrec19, specimens
 
 MANDIBLES = "SSC-MorphVQ/data/MMD_12K_TEST/raw/mandible_ply/*_Model.ply"
@@ -51,6 +51,8 @@ SETS: dict[str, Set] = {
     "parts-kinds": parts(KNOWN, two_kinds=True),
     "parts-held-out": parts(HELD_OUT, two_kinds=False),
     "parts-kinds-held-out": parts(HELD_OUT, two_kinds=True),
+    "parts-small": small_parts(KNOWN),
+    "parts-small-held-out": small_parts(HELD_OUT),
     "faces": faces(in_parts=False),
     "faces-parts": faces(in_parts=True),
     "poses": bodies("own", "poses"),

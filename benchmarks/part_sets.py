@@ -16,6 +16,7 @@ from testshapes.scanning import seen_from
 from unbend import Mesh
 
 OVERLAP = (0.2, 0.9)  # share of either part that is on the other one, of the smaller share
+_SMALL = (0.05, 0.1, 0.15, 0.2, 0.3)  # share of the area
 _N_DRAWS = 30
 _COARSE = (2500, 4500)  # vertices of one shape in three
 _ARMADILLO = 5000  # vertices
@@ -89,6 +90,30 @@ def parts(bodies: Bodies, two_kinds: bool) -> Set:
         return [functools.partial(case, i) for i in range(60 if count is None else count)]
 
     return draws
+
+
+def small_parts(bodies: Bodies) -> Set:
+    """Make a set of small parts, discs around tips and other points, onto another whole body."""
+
+    def draws(data: Path, seed: int, count: int | None) -> list[Draw]:
+        case = functools.partial(small_part_case, data, bodies, seed)
+        return [functools.partial(case, i) for i in range(60 if count is None else count)]
+
+    return draws
+
+
+def small_part_case(data: Path, bodies: Bodies, seed: int, number: int) -> Case:
+    """Draw two bodies, and cut from one what is around a point."""
+    chance = np.random.default_rng([seed, number, *bodies.animals.encode()])
+    sources = _people, functools.partial(_animals, alike=True), _poses
+    pair = sources[number % len(sources)](chance, data, bodies)
+    share = _SMALL[number // len(sources) % len(_SMALL)]
+    middle = chance.integers(pair.source.n_vertices, size=1)
+    away = along_edges(pair.source, middle, nearest=True)
+    if chance.integers(2):  # the tip that is farthest
+        away = along_edges(pair.source, np.array([away.argmax()]), nearest=True)
+    part = cut(pair.source, -away, 1 - share)
+    return of_pair(pair._replace(name=f"{share:.0%}: {pair.name}"), part, unchanged(pair.target))
 
 
 def part_case(data: Path, bodies: Bodies, two_kinds: bool, seed: int, number: int) -> Case:

@@ -167,6 +167,21 @@ def test_half_a_body_is_found_on_the_whole_one() -> None:
     assert found.confidence_bound > 0.9
 
 
+def test_a_half_of_another_size_is_told_unless_its_unit_must_differ() -> None:
+    direction = np.random.default_rng(1).standard_normal(3)
+    half = cut(_target().mesh, _target().mesh.vertices @ direction, 0.5).mesh
+    confidences = []
+    for size in (1.0, 3.0, 1000.0):
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always", UnbendWarning)
+            found = match((half.vertices * size, half.faces), _source().mesh)
+        confidences.append(found.confidence)
+        is_told = any("times as large as that of source: if both" in str(x.message) for x in told)
+        assert is_told == (size == 3)
+    assert confidences[1] < 0.7 * confidences[0]
+    assert confidences[2] == pytest.approx(confidences[0], abs=0.02)
+
+
 def test_a_limb_that_is_missing_gets_no_partner() -> None:
     torn = keep(_source().mesh, _source().labels != _source().parts.index("left_arm"))
     found = match(torn.mesh, _target().mesh)

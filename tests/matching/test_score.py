@@ -20,6 +20,7 @@ from unbend.matching._registration import Pose, Registered
 from unbend.matching._score import (
     Candidate,
     _unexplained,
+    in_one_unit,
     lead_shares,
     missed_landmarks,
     nearly_as_good,
@@ -249,6 +250,16 @@ def test_maps_of_one_energy_share_the_probability() -> None:
     ahead = [_trust([_judged(0.1), _judged(0.1 + lead)]) for lead in (0.0, 0.02, 0.1)]
     assert ahead == sorted(ahead)
     assert ahead[-1] > 0.98
+
+
+def test_areas_that_differ_lower_a_confidence_up_to_where_units_do() -> None:
+    lowered = [in_one_unit(0.9, ratio) for ratio in (1, 1.3, 1.7, 2.5, 29)]
+    assert lowered == sorted(lowered, reverse=True)
+    assert lowered[0] == pytest.approx(0.9)
+    assert lowered[-1] == pytest.approx(0.9 / (0.9 + 0.1 * 10))
+    for confidence, ratio in ((0.9, 31), (0.9, 0), (0.9, np.inf), (0.0, 3), (1.0, 3)):
+        assert in_one_unit(confidence, ratio) == confidence
+    assert in_one_unit(0.9, 0.5) == pytest.approx(in_one_unit(0.9, 2))
 
 
 def test_a_probability_falls_from_one_to_none_with_what_is_unexplained() -> None:

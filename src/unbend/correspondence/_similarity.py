@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -86,6 +86,7 @@ def similarity(
     >>> round(similarity(ball, (-5 * ball.vertices, ball.faces)), 6)
     1.0
     """
+    check_choice(distance, "distance", get_args(DistanceKind))
     check_choice(weighting, "weighting", ("auto", "uniform", "area"))
     check_whole(n_components, "n_components", 1)
     if weighting == "uniform" and areas is not None:

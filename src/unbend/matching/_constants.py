@@ -61,6 +61,8 @@ ALIKE = 0.06
 # as it is, and what the confidence lacks of one. Fitted so that errors stay below it at nine
 # vertices in ten; benchmarks/confidence.py measures how many do.
 EXPECTED_ERROR = (0.95, 0.077, 1.9, 0.4)
+# Logarithm of the ratio of two parts' areas at which a map's odds halve, if both are in one unit.
+STRETCH = 0.5
 DISORDER = (0.1, 0.3)  # Up to the first a finished map may be right for sure, from the second not.
 # Share of the area, a limb's end. Less of it is no missing part, and different maps lead more of it
 # to other limbs.

@@ -20,6 +20,7 @@ from unbend.matching._score import (
     confidence_bound,
     disorder,
     expected_errors,
+    in_one_unit,
     nearly_as_good,
     plausibility,
 )
@@ -47,18 +48,20 @@ def make_match(
     source = sides.source.proxies[MEDIUM]
     means = mean_differences(sides, ranks[0], apart)
     in_disorder = disorder(left, right, chosen)
-    bound = confidence_bound(in_disorder)
-    plausible = min(plausibility(ranks[0].energy, in_disorder), most)
-    confidence = min(alike_share(shares, means) * plausible, bound)
-    elsewhere = (shares @ apart)[source.parents]
-    errors = expected_errors(left, right, chosen, elsewhere, 1 - confidence)
     taken = as_taken(theirs, chosen)
     partners = _own_partners(ours, taken, registered)
-    # Beyond what the matcher knows, the next vertex of a coarse mesh may be far.
-    errors += np.linalg.norm(right.vertices[registered.forward] - right.vertices[partners], axis=1)
     there = registered.source.overlap
     forward = expand(partners, there, ours, theirs)
     backward = vertex_images(taken, ours, registered.back())
+    bound = confidence_bound(in_disorder)
+    plausible = min(plausibility(ranks[0].energy, in_disorder), most)
+    confidence = min(alike_share(shares, means) * plausible, bound)
+    if sides.partial:
+        confidence = in_one_unit(confidence, area_ratio(ours, theirs, forward, backward))
+    elsewhere = (shares @ apart)[source.parents]
+    errors = expected_errors(left, right, chosen, elsewhere, 1 - confidence)
+    # Beyond what the matcher knows, the next vertex of a coarse mesh may be far.
+    errors += np.linalg.norm(right.vertices[registered.forward] - right.vertices[partners], axis=1)
     return Match(
         source_to_target=forward,
         target_to_source=backward,
@@ -158,6 +161,12 @@ def _share_matched(given: Input, images: IntArray) -> float:
     """Share of the area of all that was given: far components and outliers have no partner."""
     matched, areas = images >= 0, given.areas
     return 1.0 if matched[areas > 0].all() else float(areas @ matched / areas.sum())
+
+
+def area_ratio(ours: Input, theirs: Input, forward: IntArray, backward: IntArray) -> float:
+    """Area of what has a partner on the target, by that on the source, in units of the meshes."""
+    source, target = ours.areas[forward >= 0].sum(), theirs.areas[backward >= 0].sum()
+    return float(target / max(source, np.finfo(float).tiny))
 
 
 def _orientation(one: Candidate) -> float:

@@ -61,7 +61,8 @@ class Match:
     confidence : float
         Estimate, 0 to 1, of the probability that the map is right as a whole: that its mean
         geodesic error is below 0.08 of the square root of the area. It is low if a shape is round
-        and there are not two landmarks, because nothing shows how far it is turned.
+        and there are not two landmarks, because nothing shows how far it is turned; and lower if
+        parts are matched whose areas differ, unless they must be in different units.
     confidence_bound : float
         The highest confidence, 0 to 1, that the finished map allows. It is below 1 if more than a
         tenth of the surface is turned inside out, crowded together, or not cycle-consistent; then

@@ -24,6 +24,7 @@ _PATCH_VERTICES, _CROWDED = 6, 3.0
 # Share of a rotation's motion that shows. The least of a pot's is up to 0.06, and with a handle at
 # least 0.1; that of animals, people, faces and bones is 0.17 or more.
 _SHOWN = 0.1
+_UNITS, _DOUBT = 30.0, 10.0  # ratio of areas from which on units differ, and of odds at most
 _NO_INERTIA = 1e-12  # of all of it: a needle has less about its axis, of which rounding is left
 FLOOR = 10.0**-constants.DIGITS  # of costs: less is rounding
 
@@ -211,6 +212,19 @@ def confidence_bound(disorder: float) -> float:
     """Compute the highest confidence, 0 to 1, that the disorder of a finished map allows."""
     orderly, chaotic = constants.DISORDER
     return float(np.clip((chaotic - disorder) / (chaotic - orderly), 0, 1))
+
+
+def in_one_unit(confidence: float, ratio: float) -> float:
+    """Lower the confidence in a map of parts if one of them has so many times the other's area.
+
+    A small part may be laid onto a larger one that looks like it. Of right maps between shapes in
+    one unit, ratios are below 1.7, or 2.5 if they are of two kinds, which costs settle for sure;
+    shapes whose ratio is very large are in different units.
+    """
+    if not 1 / _UNITS < ratio < _UNITS:
+        return confidence
+    odds = 1 / min(1 + (np.log(ratio) / constants.STRETCH) ** 4, _DOUBT)
+    return float(confidence * odds / (1 - confidence + confidence * odds))
 
 
 def roundness_bound(shape: Shape) -> float:
