@@ -101,6 +101,14 @@ def test_labels_that_pandas_has_as_missing_are_none(missing):
     assert str(retrieval_measures(apart, given, given).to_dict()) == str(expected.to_dict())
 
 
+@pytest.mark.parametrize("kind", [np.int64, np.float64, np.bool_])
+def test_labels_may_be_a_list_of_numpys_numbers(kind):
+    apart = np.random.default_rng(0).random((4, 4))
+    labels = [kind(one) for one in (0, 1, 0, 1)]
+    expected = retrieval_measures(apart, np.array(labels)).to_dict()
+    assert str(retrieval_measures(apart, labels).to_dict()) == str(expected)
+
+
 def test_of_equals_the_first_comes_first():
     assert one_query(0, 1).nearest_neighbor == 0
     assert retrieval_measures([[3.0, 3.0]], [0, 1], [1]).nearest_neighbor == 0

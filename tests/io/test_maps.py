@@ -202,6 +202,7 @@ def test_vertices_that_are_nobodys_image_ask_their_neighbours(blob: Mesh) -> Non
         '"","source","target"\n"1",3,4\n"2",5,6\n',  # with names of rows, by R
         '"";"target";"source"\n"one";4;3\n"2";6;5\n',
         ",source,target\n0,3,4\n1,5,6\n",  # by pandas
+        "# target,source\n4,3\n6,5\n",  # by NumPy
     ],
 )
 def test_landmarks_of_other_programs(tmp_path: Path, text: str) -> None:

@@ -313,6 +313,8 @@ def test_points_numbered_from_0_and_from_1_are_not_paired_one_off(tmp_path: Path
         ):
             pair(tmp_path, first, second)
     assert pair(tmp_path, ["1", "2", "3", "4"], ["2", "1", "4", "3"])[0] == [0, 1]
+    with pytest.warns(UnbendWarning, match="left out"):  # each lacks one of the same numbers
+        assert pair(tmp_path, ["F-1", "F-2", "F-3"], ["F-2", "F-3", "F-4"]) == [[1, 0], [2, 1]]
     with pytest.warns(UnbendWarning, match="has a point '0': left out"):
         assert pair(tmp_path, ["0", "1", "2"], ["1", "2"]) == [[1, 0], [2, 1]]
 

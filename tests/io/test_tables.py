@@ -18,6 +18,11 @@ def test_names_with_line_breaks_are_read_again(tmp_path):
     assert (tmp_path / "a.csv").read_bytes().startswith(b"path,group\n")
 
 
+def test_a_file_name_that_is_no_text_stops_no_table(tmp_path):
+    write_table(tmp_path / "a.csv", [("path",), (b"b\xe4r.ply".decode(errors="surrogateescape"),)])
+    assert read_table(tmp_path / "a.csv", ("path",)) == [["b?r.ply"]]
+
+
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_lines_may_end_as_on_any_system_and_begin_with_a_byte_order_mark(tmp_path, end):
     (tmp_path / "a.csv").write_bytes(f"\ufeffa, b{end}1, 2{end}".encode())

@@ -9,8 +9,9 @@ from unbend import Mesh, canonical_form
 from unbend.canonical import CanonicalForm
 from unbend.datasets import make_sphere
 from unbend.errors import FileError, InputError
+from unbend.io import value_colors
 from unbend.report import new_figure, shape_figures
-from unbend.report.shape_figures import draw_form, draw_variation, turned_to_fit
+from unbend.report.shape_figures import draw_form, draw_values, draw_variation, turned_to_fit
 
 
 @pytest.fixture(autouse=True)
@@ -40,6 +41,19 @@ def test_everything_that_there_is_is_drawn(
     # The surface stands as the shape does: it is the shape here, but for its size.
     shape, _, surface = (np.asarray(ax.get_images()[0].get_array()) for ax in figures[0].axes)
     np.testing.assert_allclose(shape.mean(axis=(0, 1)), surface.mean(axis=(0, 1)), atol=0.01)
+
+
+@pytest.mark.parametrize("low", [-1.0, 0.0])
+def test_the_scale_has_the_colours_of_the_shape(
+    blob: Mesh, low: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    figures: list = []
+    monkeypatch.setattr(shape_figures, "save_figure", lambda figure, path: figures.append(figure))
+    values = np.linspace(low, 2, blob.n_vertices)
+    draw_values(blob, values, "a.png")
+    (image,) = figures[0].axes[-1].collections[-1:]
+    for value, color in zip(values, value_colors(values), strict=True):
+        np.testing.assert_allclose(image.to_rgba(value)[:3], color / 255, atol=0.02)
 
 
 def test_a_form_lies_as_the_shape_does(blob: Mesh) -> None:

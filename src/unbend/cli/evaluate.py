@@ -13,6 +13,7 @@ from unbend.cli import _options as options
 from unbend.cli import _output as output
 from unbend.cli._input import read_given, read_shapes, read_truth
 
+_ENOUGH = 10  # rows of ground truth, with which a map that counts from the other base shows
 _SHOWN = (0.025, 0.05, 0.1, 0.15)
 
 
@@ -50,7 +51,7 @@ def evaluate(
     point_map = given.source_to_target if isinstance(given, unbend.Match) else given
     files = source_truth, target_truth, mirrored_truth
     sources, *truths = read_truth(files, len(point_map), shape.n_vertices)
-    if base is None and point_map is given:
+    if base is None and point_map is given and len(sources) >= _ENOUGH:
         error = unbend.io.straight_error(shape, sources, truths[0])
         unbend.io.refuse_other_base(map_file, point_map, shape.n_vertices, error)
     unbend.io.warn_of_truth(files[:2], point_map, shape, sources, truths[0])

@@ -133,7 +133,8 @@ def _classes(labels: Sequence[Any] | npt.ArrayLike, what: str) -> npt.NDArray[An
     if array.ndim != 1:
         raise InputError("labels must be lists, with one label for each shape")
     each = np.array(labels, dtype=object).tolist()  # the other array may have NaN as text
-    missing = [(label == label) is not True for label in each]
+    alike = [label == label for label in each]  # pandas' NA is neither
+    missing = [not isinstance(one, bool | np.bool_) or not one for one in alike]
     if any(missing):
         array = array.astype(object)
         array[missing] = None

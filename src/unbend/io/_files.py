@@ -171,6 +171,8 @@ def write_table(path: StrPath, rows: Iterable[Iterable[Any]], *, quote_all: bool
     """Write rows, the first being the names of the columns; the file appears once complete."""
     with atomic_write(path) as file:
         # What a line may end with is quoted in values, a carriage return too.
-        lines: Any = SimpleNamespace(write=lambda line: file.write(line[:-2].encode() + b"\n"))
+        lines: Any = SimpleNamespace(
+            write=lambda line: file.write(line[:-2].encode(errors="replace") + b"\n")
+        )
         options: dict[str, Any] = {"quoting": csv.QUOTE_ALL} if quote_all else {}
         csv.writer(lines, lineterminator="\r\n", **options).writerows(rows)

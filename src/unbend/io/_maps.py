@@ -151,10 +151,13 @@ def read_landmarks(
     """
     path = Path(path)
     data = read_bytes(path, (".csv", ".txt"))
+    is_csv = path.suffix.lower() == ".csv"
+    if is_csv:  # NumPy writes names of columns as a comment
+        sides = "|".join(word for words in _SIDES for word in words)
+        data = re.sub(rf"(?mi)\A#\W*(?=({sides})\W+({sides})\W*$)".encode(), b"", data)
     with prefixed(path.name):
         lines = data_lines(data, path.suffix[1:])
         rows = [re.sub('[,;"]', " ", line).split() for line in lines]
-        is_csv = path.suffix.lower() == ".csv"
         if rows and is_csv and not any(are_numbers([word]) for word in rows[0]):
             header, rows = lines[0].lower(), rows[1:]
             if re.fullmatch(rf"\W*({'|'.join(LABELS)})\W+vertex\W*", header):

@@ -219,7 +219,7 @@ def read_markup_pairs(
     in_common = bool(set(keys) & set(its) - {""})
     counted = [[int(one) for one in some] for some in (numbers, its_numbers)]
     starts = [min(one) for one in counted if one and max(one) - min(one) == len(one) - 1]
-    if in_common and len(first) == len(second) and len({*starts}) == 2:
+    if in_common and len(first) == len(second) and {*starts} == {0, 1}:
         raise InputError(
             f"{paths[0]} numbers its points from {starts[0]}, {paths[1]} from {starts[1]}: number "
             "them alike"

@@ -129,10 +129,10 @@ def _by_vertex(header: list[str], rows: list[list[str]]) -> tuple[list[str], lis
             raise FileError(f"column {header[i]!r} numbers vertices from 1; count them from 0")
     if names and not names[0]:
         raise FileError("its first column has no name, and does not number the rows; leave it out")
-    first = [row[0] for row in rows]
-    every = [str(i) for i in range(len(rows))]
+    first = [float(row[0]) for row in rows if are_numbers([row[0]])]
+    every = list(range(len(rows)))
     numbered = header and header[0].endswith("_0")  # one of several of a name
-    if first != every and not numbered and set(first) == set(every):
+    if first != every and not numbered and sorted(first) == every:
         raise FileError(
             f"its first column holds each number from 0 to {len(rows) - 1} once: name it vertex if "
             "these are vertex numbers, else put another first"

@@ -98,8 +98,9 @@ def draw_mesh(
     mesh : mesh-like
         Anything :func:`unbend.as_mesh` accepts. Vertices that are not finite are left out. y is up.
     colors : (n,) or (n, 3) array_like, optional
-        Per vertex: a number (drawn with the viridis colours from the least to the greatest;
-        grey where not finite) or red, green and blue from 0 to 1. None: clay.
+        Per vertex: a number (drawn with the viridis colours from the least to the greatest, or from
+        blue to red if there are both signs; grey where not finite) or red, green and blue from 0 to
+        1. None: clay.
     view : str or (azimuth, elevation), default="three-quarter"
         ``"front"``, ``"side"``, ``"back"``, ``"top"``, ``"three-quarter"`` or two angles in
         degrees: 0, 0 looks at the shape's face (along -z), 90, 0 at its left side, and an elevation

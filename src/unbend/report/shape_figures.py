@@ -11,7 +11,7 @@ from unbend._arrays import numbers_of
 from unbend._types import BoolArray, FloatArray, StrPath
 from unbend.canonical import CanonicalForm, check_form
 from unbend.errors import InputError
-from unbend.io import MeshLike
+from unbend.io import MeshLike, both_signs, value_colors
 from unbend.mesh import Mesh
 from unbend.report.colors import position_colors
 from unbend.report.figures import (
@@ -98,8 +98,8 @@ def draw_values(
     mesh : mesh-like
         Anything :func:`unbend.as_mesh` accepts.
     values : (n,) array_like of float
-        Drawn in the viridis colours from the least to the greatest on a face; grey where not
-        finite.
+        Drawn in the viridis colours from the least to the greatest on a face, or from blue over
+        white, which is 0, to red if there are both signs; grey where not finite.
     label : str, default=""
         What the values are, beside the scale of colours.
     path, up
@@ -126,12 +126,17 @@ def draw_values(
     row = [(turned.vertices, turned, array, view) for view in FRONT_AND_BACK]
     figure, ((first, _),) = draw_grid([row], ["", ""], 3.85, height, right=0.9)
     from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
+    from matplotlib.colors import ListedColormap, Normalize
 
     place = first.get_position()
     figure.text(0.44, 0.35 * place.y0, as_written(mesh.name), ha="center", fontsize=10)
     scale = figure.add_axes((0.9, place.y0, 0.02, 0.9 * place.height))
-    colors = ScalarMappable(Normalize(float(np.nanmin(array)), float(np.nanmax(array))), "viridis")
+    low, high = float(np.nanmin(array)), float(np.nanmax(array))
+    if both_signs(low, high):
+        high = max(-low, high)
+        low = -high
+    shades = ListedColormap(value_colors(np.linspace(low, high, 256)) / 255)
+    colors = ScalarMappable(Normalize(low, high), shades)
     figure.colorbar(colors, scale).set_label(label, fontsize=9)
     save_figure(figure, path)
 
