@@ -84,20 +84,18 @@ HELD_OUT = Bodies(
 
 def parts(bodies: Bodies, two_kinds: bool) -> Set:
     """Make a set of parts of two bodies of one kind, or of two kinds."""
-
-    def draws(data: Path, seed: int, count: int | None) -> list[Draw]:
-        case = functools.partial(part_case, data, bodies, two_kinds, seed)
-        return [functools.partial(case, i) for i in range(60 if count is None else count)]
-
-    return draws
+    return _set_of(part_case, bodies, two_kinds)
 
 
 def small_parts(bodies: Bodies) -> Set:
     """Make a set of small parts, discs around tips and other points, onto another whole body."""
+    return _set_of(small_part_case, bodies)
 
+
+def _set_of(case: Callable[..., Case], *given: object) -> Set:
     def draws(data: Path, seed: int, count: int | None) -> list[Draw]:
-        case = functools.partial(small_part_case, data, bodies, seed)
-        return [functools.partial(case, i) for i in range(60 if count is None else count)]
+        numbers = range(60 if count is None else count)
+        return [functools.partial(case, data, *given, seed, number) for number in numbers]
 
     return draws
 

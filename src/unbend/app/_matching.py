@@ -115,7 +115,7 @@ def _matched(
     for i, (mesh, own) in enumerate(zip(work.meshes, colors, strict=True)):
         if i == 0 or target is not source:
             about = f"{mesh.name} in the colours of the match"
-            work.keep_mesh(f"{work.stems[i]}-coloured", about, mesh, own, i, moved=False)
+            work.keep_mesh(f"{work.stems[i]}-coloured", about, mesh, own, i)
         work.draw(mesh.name, mesh, own)
     match_page(
         source,

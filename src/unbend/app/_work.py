@@ -78,11 +78,10 @@ class Work:
         self.files.append({"name": name, "about": about, "path": str(path)})
         return path
 
-    def keep_mesh(
-        self, stem: str, about: str, mesh: Mesh, colors: Any, number: int = 0, moved: bool = True
-    ) -> None:
+    def keep_mesh(self, stem: str, about: str, mesh: Mesh, colors: Any, number: int = 0) -> None:
         """Write a given shape, moved or not, in the formats of MeshLab, Blender and others."""
-        whole = mesh.n_faces == self.meshes[number].n_faces
+        given = self.meshes[number]
+        whole, moved = mesh.n_faces == given.n_faces, mesh is not given
         for suffix in (".ply",) if mesh.is_point_cloud else (".ply", ".obj", ".glb"):
             name, told, shown = stem + suffix, about, colors
             keeps = whole and (moved or suffix == ".obj")

@@ -1,6 +1,6 @@
 """Files: meshes, maps between them and values on them. Whatever is a mesh becomes a `Mesh` here."""
 
-from unbend.io._colors import both_signs, value_colors
+from unbend.io._colors import both_signs, scale_limits, value_colors
 from unbend.io._files import (
     atomic_write,
     check_writable,
@@ -75,6 +75,7 @@ __all__ = [
     "read_values",
     "refuse_other_base",
     "roughness",
+    "scale_limits",
     "straight_error",
     "value_colors",
     "warn_of_truth",

@@ -71,11 +71,8 @@ def value_colors(
     numbers = numbers_of(array, "values")
     finite = np.isfinite(numbers)
     shown = numbers[finite] if finite.any() else np.zeros(1)
-    low, high = limits or (shown.min(), shown.max())
-    scale = _VIRIDIS
-    if limits is None and both_signs(low, high):
-        scale, high = _BLUE_TO_RED, max(-low, high)
-        low = -high
+    low, high = limits or scale_limits(shown.min(), shown.max())
+    scale = _BLUE_TO_RED if limits is None and both_signs(low, high) else _VIRIDIS
     shares = (np.where(finite, numbers, low) - low) / max(high - low, 1e-300)
     marks = np.linspace(0, 1, len(scale))
     colors = np.stack([np.interp(shares, marks, one) for one in scale.T], axis=1)
@@ -86,3 +83,9 @@ def value_colors(
 def both_signs(low: float, high: float) -> bool:
     """Whether numbers between these are negative and positive, such as growth and loss."""
     return min(-low, high) > _OTHER_SIGN * max(-low, high)
+
+
+def scale_limits(low: float, high: float) -> tuple[float, float]:
+    """Choose the ends of the scale for such numbers: equally far from 0 if of both signs."""
+    most = max(-low, high)
+    return (-most, most) if both_signs(low, high) else (low, high)

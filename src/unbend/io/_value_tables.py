@@ -114,13 +114,17 @@ def _in_order(rows: list[list[str]]) -> list[list[str]]:
     return [found[i] for i in range(len(rows))]
 
 
+def _numbers_of(rows: list[list[str]], column: int) -> list[float]:
+    return [float(row[column]) for row in rows if are_numbers([row[column]])]
+
+
 def _by_vertex(header: list[str], rows: list[list[str]]) -> tuple[list[str], list[list[str]]]:
     """Sort rows by a column that is named like vertex numbers and holds all, and remove it."""
     names = [re.sub(r"[\s_-]", "", name.lower()) for name in header]
     if names and names[0] == "vertex":
         return header[1:], _in_order(rows)
     for i in (names.index(name) for name in _NUMBERS if name in names):
-        numbers = [float(row[i]) for row in rows if are_numbers([row[i]])]
+        numbers = _numbers_of(rows, i)
         from_one = list(range(1, len(rows) + 1))  # as R names rows
         if sorted(numbers) == list(range(len(rows))) or (numbers == from_one and not names[i]):
             others = [rows[at][:i] + rows[at][i + 1 :] for at in np.argsort(numbers)]
@@ -129,7 +133,7 @@ def _by_vertex(header: list[str], rows: list[list[str]]) -> tuple[list[str], lis
             raise FileError(f"column {header[i]!r} numbers vertices from 1; count them from 0")
     if names and not names[0]:
         raise FileError("its first column has no name, and does not number the rows; leave it out")
-    first = [float(row[0]) for row in rows if are_numbers([row[0]])]
+    first = _numbers_of(rows, 0)
     every = list(range(len(rows)))
     numbered = header and header[0].endswith("_0")  # one of several of a name
     if first != every and not numbered and sorted(first) == every:

@@ -126,8 +126,7 @@ def write_mesh(
         data = _rewritten(Path(like), path, mesh, extras.get("colors"))
     if suffix in _SINGLE_SUFFIXES and mesh.n_vertices:
         _check_rounding(path, mesh)
-    nowhere = int((~np.isfinite(mesh.vertices)).any(axis=1).sum())
-    if suffix == ".glb" and nowhere:
+    if suffix == ".glb" and (nowhere := int((~np.isfinite(mesh.vertices)).any(axis=1).sum())):
         warn(f"{path.name}: {plural(nowhere, 'vertex')} without position: 0, 0, 0")
     with atomic_write(path) as file:
         if like is not None:

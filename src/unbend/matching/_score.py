@@ -218,7 +218,7 @@ def in_one_unit(confidence: float, ratio: float) -> float:
     """Lower the confidence in a map of parts if one of them has so many times the other's area.
 
     A small part may be laid onto a larger one that looks like it. Of right maps between shapes in
-    one unit, ratios are below 1.7, or 2.5 if they are of two kinds, which costs settle for sure;
+    one unit, ratios are below 1.7, or 4.2 if they are of two kinds, most of which are sure enough;
     shapes whose ratio is very large are in different units.
     """
     if not 1 / _UNITS < ratio < _UNITS:

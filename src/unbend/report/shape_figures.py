@@ -11,7 +11,7 @@ from unbend._arrays import numbers_of
 from unbend._types import BoolArray, FloatArray, StrPath
 from unbend.canonical import CanonicalForm, check_form
 from unbend.errors import InputError
-from unbend.io import MeshLike, both_signs, value_colors
+from unbend.io import MeshLike, scale_limits, value_colors
 from unbend.mesh import Mesh
 from unbend.report.colors import position_colors
 from unbend.report.figures import (
@@ -131,10 +131,7 @@ def draw_values(
     place = first.get_position()
     figure.text(0.44, 0.35 * place.y0, as_written(mesh.name), ha="center", fontsize=10)
     scale = figure.add_axes((0.9, place.y0, 0.02, 0.9 * place.height))
-    low, high = float(np.nanmin(array)), float(np.nanmax(array))
-    if both_signs(low, high):
-        high = max(-low, high)
-        low = -high
+    low, high = scale_limits(float(np.nanmin(array)), float(np.nanmax(array)))
     shades = ListedColormap(value_colors(np.linspace(low, high, 256)) / 255)
     colors = ScalarMappable(Normalize(low, high), shades)
     figure.colorbar(colors, scale).set_label(label, fontsize=9)

@@ -14,7 +14,7 @@ from unbend._arrays import array_of
 from unbend._text import plural
 from unbend._types import StrPath
 from unbend.choices import Axis
-from unbend.io import MeshLike, both_signs, value_colors
+from unbend.io import MeshLike, both_signs, scale_limits, value_colors
 from unbend.mesh import Mesh
 from unbend.report.figures import check_one_each, check_values, drawable
 from unbend.report.pages import _document as parts
@@ -184,10 +184,8 @@ def _pictures(names: list[str], up: str, first: dict[str, Any]) -> str:
 
 def _legend(shape: dict[str, Any]) -> str:
     if "limits" in shape:
-        low, high = shape["limits"]
+        low, high = _told_apart(*scale_limits(*shape["limits"]))
         signed = "colors" in shape
-        most = max(-low, high)
-        low, high = _told_apart(-most, most) if signed else _told_apart(low, high)
         return f'{low} <span class="scale{" signed" * signed}"></span> {high}'
     labels = shape["labels"]
     colors = map(tuple, value_colors(labels, kind="label").tolist())
