@@ -28,6 +28,7 @@ from unbend.matching._registration import (
     register,
 )
 from unbend.mesh import vertex_areas
+from unbend.report import match_page
 
 N = 500
 
@@ -176,8 +177,12 @@ def test_a_half_of_another_size_is_told_unless_its_unit_must_differ() -> None:
             warnings.simplefilter("always", UnbendWarning)
             found = match((half.vertices * size, half.faces), _source().mesh)
         confidences.append(found.confidence)
-        is_told = any("times as large as that of source: if both" in str(x.message) for x in told)
+        is_told = any(
+            "times as large as that of the source: if both" in str(x.message) for x in told
+        )
         assert is_told == (size == 3)
+        on_page = match_page((half.vertices * size, half.faces), _source().mesh, found).html
+        assert ("times as large as that of the source" in on_page) == (size == 3)
     assert confidences[1] < 0.7 * confidences[0]
     assert confidences[2] == pytest.approx(confidences[0], abs=0.02)
 

@@ -140,7 +140,9 @@ def match(
             "n_matched": int((found.source_to_target >= 0).sum()),
             **output.fields_of(found, *_MEASURES, "residual"),
             "expected_error": {"median": median, "within_95": within_95},
-            **output.fields_of(found, "mirror_fits", "missed_landmarks", "hypotheses"),
+            **output.fields_of(
+                found, "area_ratio", "mirror_fits", "missed_landmarks", "hypotheses"
+            ),
             "alternatives": [output.fields_of(one, *_MEASURES) for one in found.alternatives],
         },
         output.rows(summary(shapes, found, seconds)) + others,

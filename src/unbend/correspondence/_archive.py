@@ -42,6 +42,7 @@ _RANGES = {
     "overlap_source": (0, 1),
     "overlap_target": (0, 1),
     "confidence_bound": (0, 1),
+    "area_ratio": (0, np.inf),
     "disorder": (0, 2),
 }
 _MESHES = ("source_mesh", "target_mesh")  # hashes

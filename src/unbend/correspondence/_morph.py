@@ -59,8 +59,9 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
     Warns
     -----
     UnbendWarning
-        Of a match that is in disorder or a reflection, see :class:`unbend.Match`; and if one shape
-        is more than five times as large as the other, unless `t` is 0 or 1.
+        Of a match that is wrong in part, or whose parts differ in size, or that is a
+        reflection, see :class:`unbend.Match`; and if one shape is more than five times as large as
+        the other, unless `t` is 0 or 1.
 
     Notes
     -----

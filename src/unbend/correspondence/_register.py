@@ -111,7 +111,8 @@ def register(
     Warns
     -----
     UnbendWarning
-        Of a match that is in disorder or a reflection, see :class:`unbend.Match`.
+        Of a match that is wrong in part, or whose parts differ in size, or that is a
+        reflection, see :class:`unbend.Match`.
 
     References
     ----------

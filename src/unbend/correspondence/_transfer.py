@@ -16,7 +16,7 @@ from unbend.choices import ValueKind
 from unbend.deformation import closest_faces
 from unbend.errors import InputError, warn
 from unbend.io import MeshLike, as_mesh, checked_map, invert_map
-from unbend.matching import Match, warn_of_disorder
+from unbend.matching import Match, warn_of_faults
 from unbend.mesh import Mesh, faces_around, find_components, vertex_ids
 from unbend.preparation import join_seams
 
@@ -73,7 +73,8 @@ def transfer(
     Warns
     -----
     UnbendWarning
-        Of a match that is in disorder, see :class:`unbend.Match`.
+        Of a match that is wrong in part, or whose parts differ in size, see
+        :class:`unbend.Match`.
 
     Examples
     --------
@@ -87,7 +88,7 @@ def transfer(
     source = None if source is None else as_mesh(source, "source")
     target = None if target is None else as_mesh(target, "target")
     if isinstance(match, Match):
-        warn_of_disorder(match)
+        warn_of_faults(match)
     return carry(values, match, kind, source, target)
 
 
@@ -192,9 +193,9 @@ def transfer_landmarks(
 
 
 def warn_of_match(match: Match | npt.ArrayLike, source: Mesh) -> None:
-    """Warn of a match that a source cannot follow: one in disorder, or a reflection."""
+    """Warn of a match that a source cannot follow: a faulty one, or a reflection."""
     if isinstance(match, Match):
-        warn_of_disorder(match)
+        warn_of_faults(match)
         if match.orientation < 0:
             warn(
                 f"the map is a reflection, so {source.name} is turned inside out: mirror it "

@@ -2,16 +2,17 @@
 
 from unbend.matching._inputs import wider_component
 from unbend.matching._match import check_partial, landmark_pairs, match, prepare_spectrum, symmetry
-from unbend.matching._result import Hypothesis, Match, warn_of_disorder
+from unbend.matching._result import Hypothesis, Match, faults_of, warn_of_faults
 
 __all__ = [
     "Hypothesis",
     "Match",
     "check_partial",
+    "faults_of",
     "landmark_pairs",
     "match",
     "prepare_spectrum",
     "symmetry",
-    "warn_of_disorder",
+    "warn_of_faults",
     "wider_component",
 ]

@@ -20,7 +20,6 @@ from unbend.io import MeshLike, as_mesh
 from unbend.matching import _constants as constants
 from unbend.matching._inputs import Input, led, prepare_shape, prepare_shapes
 from unbend.matching._outcome import (
-    area_ratio,
     as_taken,
     below_vertices,
     landmark_hints,
@@ -39,8 +38,8 @@ from unbend.matching._plan import (
     without_landmarks,
 )
 from unbend.matching._polish import exact, refined, reranked, with_partners, without_extras
-from unbend.matching._result import Match, warn_of_disorder
-from unbend.matching._score import Candidate, in_one_unit, lead_shares, ranked, roundness_bound
+from unbend.matching._result import Match, warn_of_faults
+from unbend.matching._score import Candidate, lead_shares, ranked, roundness_bound
 from unbend.matching._touching import search_apart
 from unbend.mesh import Mesh, vertex_ids
 
@@ -50,7 +49,6 @@ _N_EIGENPAIRS, _LEAST_EIGENPAIRS = 30, 4
 _EXCHANGED = 0.28
 # The highest confidence of a map that landmarks lead to and another one fits far better.
 _MISLED = 0.5
-_SURE = 0.9  # confidence from which sizes that differ are those of two kinds of bodies
 
 
 @one_blas_thread()
@@ -205,9 +203,7 @@ def match(
         result = replace(result, mirrored=images)
     _warn_of_missed(result, labels, pairs)
     _warn_of_misleading(misleading, labels, pairs)
-    warn_of_disorder(result)
-    if sides.partial:
-        _warn_of_sizes(result, ours, theirs)
+    warn_of_faults(result)
     return result
 
 
@@ -294,7 +290,7 @@ def symmetry(
     missed = sorted({row % len(pairs) for row in result.missed_landmarks})
     result = replace(result, missed_landmarks=tuple(missed))
     _warn_of_missed(result, labels, pairs)
-    warn_of_disorder(result)
+    warn_of_faults(result)
     if moved_share(sides, found[0]) < _EXCHANGED:
         warn(
             f"{ours.surface.mesh.name}: most of the surface is led near to where it is, as if back "
@@ -347,16 +343,6 @@ def _finished(
     """Register a candidate on the shapes themselves, if it is not in ``fine``, and finish it."""
     polished = fine.get(candidate) or refined(sides, candidate, polish=polish)
     return with_partners(exact(sides, polished), sides, least)
-
-
-def _warn_of_sizes(found: Match, ours: Input, theirs: Input) -> None:
-    ratio = area_ratio(ours, theirs, found.source_to_target, found.target_to_source)
-    if found.confidence < _SURE and in_one_unit(0.5, ratio) < 0.1:  # one to nine, of even odds
-        source, target = ours.surface.mesh.name, theirs.surface.mesh.name
-        warn(
-            f"the matched part of {target} is {ratio:.2g} times as large as that of {source}: if "
-            "both are in one unit, the map is probably wrong"
-        )
 
 
 def _warn_of_missed(result: Match, labels: list[str], pairs: IntArray) -> None:

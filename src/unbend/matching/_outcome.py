@@ -56,8 +56,8 @@ def make_match(
     bound = confidence_bound(in_disorder)
     plausible = min(plausibility(ranks[0].energy, in_disorder), most)
     confidence = min(alike_share(shares, means) * plausible, bound)
-    if sides.partial:
-        confidence = in_one_unit(confidence, area_ratio(ours, theirs, forward, backward))
+    ratio = _area_ratio(ours, theirs, forward, backward) if sides.partial else 1.0
+    confidence = in_one_unit(confidence, ratio)
     elsewhere = (shares @ apart)[source.parents]
     errors = expected_errors(left, right, chosen, elsewhere, 1 - confidence)
     # Beyond what the matcher knows, the next vertex of a coarse mesh may be far.
@@ -72,6 +72,7 @@ def make_match(
         overlap_source=_share_matched(ours, forward),
         overlap_target=_share_matched(theirs, backward),
         confidence_bound=bound,
+        area_ratio=ratio,
         disorder=in_disorder,
         hypotheses=tuple(
             Hypothesis(one.energy, _orientation(one), mean)
@@ -163,7 +164,7 @@ def _share_matched(given: Input, images: IntArray) -> float:
     return 1.0 if matched[areas > 0].all() else float(areas @ matched / areas.sum())
 
 
-def area_ratio(ours: Input, theirs: Input, forward: IntArray, backward: IntArray) -> float:
+def _area_ratio(ours: Input, theirs: Input, forward: IntArray, backward: IntArray) -> float:
     """Area of what has a partner on the target, by that on the source, in units of the meshes."""
     source, target = ours.areas[forward >= 0].sum(), theirs.areas[backward >= 0].sum()
     return float(target / max(source, np.finfo(float).tiny))

@@ -10,6 +10,9 @@ import numpy as np
 from unbend._display import confidence_told, table
 from unbend._types import FloatArray, IntArray
 from unbend.errors import warn
+from unbend.matching._score import in_one_unit
+
+_SURE = 0.9  # confidence from which sizes that differ are those of two kinds of bodies
 
 
 @dataclass(frozen=True)
@@ -67,6 +70,9 @@ class Match:
         The highest confidence, 0 to 1, that the finished map allows. It is below 1 if more than a
         tenth of the surface is turned inside out, crowded together, or not cycle-consistent; then
         part of the map is wrong. `confidence` is never higher.
+    area_ratio : float
+        Of shapes that may be partial, and 1 of others: the area on the target that has a partner,
+        by that on the source, in the units of the meshes.
     disorder : float
         The largest of those shares of the area, what is turned inside out counted twice: 0 to 2.
         `confidence` falls with it from 0 on.
@@ -113,6 +119,7 @@ class Match:
     overlap_source: float = 1.0
     overlap_target: float = 1.0
     confidence_bound: float = 1.0
+    area_ratio: float = 1.0
     disorder: float = 0.0
     alternatives: tuple[Match, ...] = ()
     mirror_fits: bool = False
@@ -162,11 +169,25 @@ class Match:
         return table(rows)
 
 
-def warn_of_disorder(match: Match) -> None:
-    """Warn of a map that cannot be right everywhere."""
+def faults_of(match: Match) -> list[str]:
+    """Say what shows that a map is wrong, in part or altogether."""
+    faults = []
     if round(match.confidence_bound, 2) < 1:
-        warn(
+        faults.append(
             "part of the map is wrong: in places it turns the surface inside out, crowds it "
             f"together or is not cycle-consistent (orientation {match.orientation:+.2f}, "
             f"confidence at most {match.confidence_bound:.2f}); look at it, and give landmarks"
         )
+    # Odds that the ratio lowers to a ninth
+    if match.confidence < _SURE and in_one_unit(0.5, match.area_ratio) < 0.1:
+        faults.append(
+            f"the matched part of the target is {match.area_ratio:.2g} times as large as that of "
+            "the source: if both are in one unit, the map is probably wrong"
+        )
+    return faults
+
+
+def warn_of_faults(match: Match) -> None:
+    """Warn of each."""
+    for fault in faults_of(match):
+        warn(fault)

@@ -7,7 +7,7 @@ from typing import Any
 
 from unbend._display import MIRROR_FITS, confidence_told, is_doubtful, table, where_landmarks_help
 from unbend.correspondence import THRESHOLDS, Evaluation
-from unbend.matching import Match
+from unbend.matching import Match, faults_of
 from unbend.report.pages import _document as parts
 from unbend.report.pages._shown import Shown
 
@@ -17,7 +17,14 @@ _SIDES = ("source", "target")
 
 def doubt(match: Match | None, mirror: bool, landmarks: bool) -> str:
     """Warning above the page of a match that may well be wrong; empty for other matches."""
-    if match is None or not is_doubtful(match.confidence):
+    if match is None:
+        return ""
+    faults = [f"{one[0].upper()}{one[1:]}." for one in faults_of(match)]
+    return " ".join([*faults, _low_confidence(match, mirror, landmarks)]).strip()
+
+
+def _low_confidence(match: Match, mirror: bool, landmarks: bool) -> str:
+    if not is_doubtful(match.confidence):
         return ""
     if mirror:
         return (
