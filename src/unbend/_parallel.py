@@ -29,7 +29,7 @@ _pins: list[Any] = []
 def n_threads() -> int:
     """Count the threads worth starting: ``OMP_NUM_THREADS`` if set, else the cores we may use."""
     asked = os.environ.get("OMP_NUM_THREADS", "").split(",")[0].strip()
-    if asked.isdigit() and int(asked) > 0:
+    if asked.isdecimal() and int(asked) > 0:
         return int(asked)
     return n_cores()
 

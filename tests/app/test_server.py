@@ -1,7 +1,9 @@
 """The app's server over HTTP: what it lets nobody do, and the way of a shape through it."""
 
 import json
+import os
 import queue
+import sys
 import tempfile
 import threading
 import time
@@ -311,6 +313,32 @@ def test_jobs_wait_in_a_queue_and_are_cancelled_or_go_with_their_shape(app, ply)
 def wait_for(session: _session.Session) -> None:
     while session.state(-1)["jobs"]:
         time.sleep(0.001)
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="names there are text")
+def test_names_that_are_no_text_are_shown(tmp_path, monkeypatch) -> None:
+    class Worker:
+        def __init__(self, memory: int) -> None:
+            pass
+
+        def run(self, job, progress):
+            return {"usable": True, "told": []}
+
+        def close(self) -> None:
+            pass
+
+    monkeypatch.setattr(_session, "Worker", Worker)
+    session = _session.Session(0, 0, os.fsdecode(b"st\xe4ll"))
+    try:
+        path = tmp_path / os.fsdecode(b"b\xe4r.ply")
+        path.touch()
+        session.add(path, path.name)
+        wait_for(session)
+        state = session.state(-1)
+        assert state["shapes"][0]["name"] == r"b\udce4r.ply"
+        json.dumps(state, ensure_ascii=False).encode()
+    finally:
+        session.close()
 
 
 def test_cancelling_leaves_a_shape_that_is_only_drawn_again(tmp_path, monkeypatch) -> None:

@@ -182,3 +182,7 @@ def test_thin_limbs_keep_their_ends(maker, ends):
 def test_unusable_arguments_are_named(arguments, message):
     with pytest.raises(InputError, match=message):
         make_quadruped(**arguments)
+
+
+def test_whole_numbers_of_numpy_do_not_overflow():
+    assert make_octopus(n_vertices=np.int16(30_000)).mesh.n_vertices > 29_000

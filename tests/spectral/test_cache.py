@@ -2,6 +2,7 @@ import os
 import random
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -88,6 +89,12 @@ def test_the_cache_may_be_elsewhere_for_a_while(folder, tmp_path, blob):
         assert cache_info().n_files == 1
     assert cache_info().folder == folder
     assert cache_info().n_files == 0
+    with os.scandir(tmp_path) as entries:
+        entry = next(entries)  # a path that is no Path
+    with use_cache(entry):
+        assert cache_info().folder == Path(entry)
+    with pytest.raises(InputError, match="folder must be a path, not ''"), use_cache(""):
+        pass
 
 
 def test_everything_that_matters_is_in_the_key(blob):

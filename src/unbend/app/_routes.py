@@ -78,6 +78,9 @@ def make_app(session: Session, tabs: dict[str, float], token: str, port: int, li
         except (InputError, ClientDisconnect):
             path.unlink()
             raise
+        except OSError as error:  # the disk is full
+            path.unlink(missing_ok=True)
+            raise InputError(f"{label} cannot be kept: {error.strerror}") from None
 
     async def submit(request: Request) -> Response:
         return JSONResponse({"id": session.submit(await _asked(request))})

@@ -76,7 +76,7 @@ class Session:
                 "results": _shown(self._results),
                 "jobs": _shown(self._jobs),
                 "troubles": _shown(self._troubles),
-                "collection": self._collection or "",
+                "collection": printable(self._collection or ""),
                 "up": self._up,
             }
 
@@ -110,7 +110,7 @@ class Session:
                 self._values[i] = str(path), label
                 return i
             taken = {one["name"] for one in self._shapes.values()}
-            name = _not_taken(Path(label).stem, Path(label).suffix, taken)
+            name = _not_taken(printable(Path(label).stem), printable(Path(label).suffix), taken)
             shape = {"path": str(path), "name": name, "state": "reading", "stamp": _stamp(path)}
             self._shapes[i] = shape
             self._submit({"do": "look", "shapes": [i]})
@@ -158,7 +158,9 @@ class Session:
             forget(i)
 
     def _remove_shape(self, i: int) -> None:
-        path = Path(self._shapes.pop(i)["path"])
+        self._remove_file(Path(self._shapes.pop(i)["path"]))
+
+    def _remove_file(self, path: Path) -> None:
         if path.parent == self.folder:
             with contextlib.suppress(OSError):  # it is gone, or Windows keeps what is being read
                 self._bytes -= path.stat().st_size
@@ -224,6 +226,8 @@ class Session:
                 given = job | {"shapes": shapes, "folder": str(folder)}
                 found = self._worker.run(given, functools.partial(self._step, entry))
             with self._change():
+                for n in [n for n, one in self._values.items() if one == job.get("values")]:
+                    self._remove_file(Path(self._values.pop(n)[0]))
                 there = self._jobs.pop(i, None) is not None
                 if there and "error" in found:
                     self._failed(i, entry, found["error"])

@@ -238,8 +238,8 @@ def sampled_canonical_form(
     ((162, 3), 'sampled')
     """
     time = diffusion_time(distance, time)
-    check_whole(n_samples, "n_samples", 2)
-    check_whole(n_eigenpairs, "n_eigenpairs", 2)
+    n_samples = check_whole(n_samples, "n_samples", 2)
+    n_eigenpairs = check_whole(n_eigenpairs, "n_eigenpairs", 2)
     options = _Options("sampled", distance, n_components, weighting, time, keep_scale, random_state)
     options = options._replace(
         n_samples=n_samples, n_eigenpairs=n_eigenpairs, mu=mu, interpolation=interpolation

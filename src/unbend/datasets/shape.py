@@ -122,8 +122,8 @@ def make_shape(
     """Mesh a body at rest and move it into a pose; see `make_quadruped` for the parameters."""
     sizes = _sizes(maker, species, proportions)
     bones, plain = (tuple(maker.bones(one)) for one in (sizes, maker.defaults))
-    check_whole(n_vertices, "n_vertices", 500, 200_000)
-    check_whole(meshing, "meshing")
+    n_vertices = check_whole(n_vertices, "n_vertices", 500, 200_000)
+    meshing = check_whole(meshing, "meshing")
     if random_state is not None:
         check_whole(random_state, "random_state")
     angles = _angles(maker.poses, pose, random_state)

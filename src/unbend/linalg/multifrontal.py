@@ -35,8 +35,7 @@ class Factor(NamedTuple):
 def factor(matrix: SparseMatrix) -> Factor:
     """Factorise a symmetric matrix in compressed columns, of which both halves are stored.
 
-    Duff and Reid, ACM TOMS 9, 1983. Raises ArithmeticError at a pivot that is zero or not finite,
-    or at an entry that has no mirror image.
+    Duff and Reid, ACM TOMS 9, 1983. Raises ArithmeticError at a pivot that is zero or not finite.
     """
     starts, indices = matrix.indptr.astype(np.int64), matrix.indices.astype(np.int32)
     nodes = dissect(starts, indices)

@@ -150,7 +150,7 @@ def match(
     """
     check_partial(partial)
     check_whole(n_matches, "n_matches", 1)
-    check_whole(n_eigenpairs, "n_eigenpairs", _LEAST_EIGENPAIRS)
+    n_eigenpairs = check_whole(n_eigenpairs, "n_eigenpairs", _LEAST_EIGENPAIRS)
     torn = [partial in ("auto", "both", side) for side in ("source", "target")]
     source, target = as_mesh(source, "source"), as_mesh(target, "target")
     labels, pairs = _labelled(landmarks, source, target)
@@ -265,7 +265,7 @@ def symmetry(
     >>> bool(np.abs(swapped * [-1, 1, 1] - egg).max() < 0.1)
     True
     """
-    check_whole(n_eigenpairs, "n_eigenpairs", _LEAST_EIGENPAIRS)
+    n_eigenpairs = check_whole(n_eigenpairs, "n_eigenpairs", _LEAST_EIGENPAIRS)
     mesh = as_mesh(mesh)
     labels, pairs = _labelled(landmarks, mesh, mesh)
     both = np.concatenate([pairs, pairs[:, ::-1]])

@@ -94,7 +94,8 @@ def _cut_or_not(given: Input, levels: Levels, n_eigenpairs: int, count: int) -> 
     vertices = given.surface.mesh.vertices
     chosen = np.arange(len(given.kept))
     if len(chosen) > count:
-        chosen = np.sort(decimate(snap(vertices), given.shape.faces, count)[0])
+        around = snap(vertices - vertices.mean(axis=0))
+        chosen = np.sort(decimate(around, given.shape.faces, count)[0])
         chosen = chosen[chosen < len(given.kept)]
     try:
         with heard():

@@ -81,12 +81,13 @@ def use_cache(
     >>> with use_cache(gib=0):  # nothing is read from disk, and nothing is kept
     ...     found = spectrum(make_sphere(2), 5)
     """
-    if folder is not None and not isinstance(folder, str | os.PathLike):
+    if folder is not None and not (folder and isinstance(folder, str | os.PathLike)):
         raise InputError(f"folder must be a path, not {folder!r}; gib=0 switches the cache off")
     if gib is not None and not (is_number(gib) and 0 <= gib < np.inf):
         raise InputError(f"gib must be a number of GiB, 0 or more, not {gib!r}")
-    given = {"UNBEND_CACHE_DIR": folder, "UNBEND_CACHE_GIB": gib}
-    settings = {name: str(value) for name, value in given.items() if value is not None}
+    size = None if gib is None else str(gib)
+    given = {"UNBEND_CACHE_DIR": folder, "UNBEND_CACHE_GIB": size}
+    settings = {name: os.fspath(value) for name, value in given.items() if value is not None}
     before = {name: os.environ[name] for name in settings if name in os.environ}
     os.environ.update(settings)
     try:

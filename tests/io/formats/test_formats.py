@@ -259,6 +259,16 @@ class TestTrickyFiles:
         assert areas.sum() == pytest.approx(whole)
         assert mesh.n_faces == 198
 
+    def test_a_turned_polygon_is_split_without_overlap(self) -> None:
+        rectangle = np.array([[0, 3], [0, 0], [3, 0], [3, 3], [2, 3], [2, 2], [1, 2], [1, 3]])
+        flat = np.column_stack([rectangle, np.zeros(8)])
+        for seed in range(50):
+            turned = flat @ np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))[0].T
+            faces, notes = triangulate(np.array([8]), np.arange(8), turned)
+            areas = np.linalg.norm(np.cross(*np.diff(turned[faces], axis=1).swapaxes(0, 1)), axis=1)
+            assert areas.sum() / 2 == pytest.approx(8)
+            assert notes == ["1 polygon split into triangles"]
+
     def test_a_polygon_that_crosses_itself_is_noted(self, tmp_path: Path) -> None:
         text = "OFF\n4 1 0\n0 0 0\n4 4 0\n4 0 0\n0 5 0\n4 0 1 2 3\n"
         mesh = read_mesh(put(tmp_path, "m.off", text))

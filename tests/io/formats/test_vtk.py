@@ -69,6 +69,9 @@ def test_a_surface_is_read_with_its_values(tmp_path: Path, binary: bool, new: bo
         np.testing.assert_array_equal(read_values(path, name=name), HEAT)
     np.testing.assert_array_equal(read_values(path, name="n"), POINTS)
     assert read_values(path, name="paint").tolist() == [0, 0, 0, 0, 255]
+    kind = b"BINARY\nDATASET POLYDATA" if binary else b"ASCII\nDATASET POLYDATA"
+    path.write_bytes(a_file(binary, new).replace(kind, kind.lower()))
+    np.testing.assert_array_equal(read_mesh(path).faces, mesh.faces)
 
 
 @pytest.mark.parametrize("binary", [False, True])
@@ -114,6 +117,7 @@ def test_polygons_of_a_grid_are_read(tmp_path: Path, binary: bool, new: bool) ->
         (b"3 0 1 4", b"9 0 1 4", "the 21 numbers of POLYGONS are not 5 cells"),
         (b"POLYGONS", b"TRIANGLE_STRIPS", "holds triangle strips"),
         (b"NORMALS", b"PEDIGREES", "'PEDIGREES n float', which unbend cannot read"),
+        (b"\n0 0 0 0 1\n", b"\n0 0 0 0 255\n", "paint holds colours outside 0 to 1"),
         (b"heat 2 5", b"heat 2 6", "truncated: it promises 12 numbers of heat"),
         (b"FIELD FieldData 1\nheat", b"FIELD FieldData 2\nheat", "'' is not a number of rows"),
     ],

@@ -85,8 +85,10 @@ def a_file(
         nonlocal appended
         code, width = rows.dtype.str[1:], rows[0].size
         head = f'<DataArray Name="{name}" type="{CODES[code]}" NumberOfComponents="{width}"'
-        if how == "ascii":
-            return f'{head} format="ascii">{" ".join(map(str, rows.ravel().tolist()))}</DataArray>'
+        if how in ("ascii", ""):
+            text = " ".join(map(str, rows.ravel().tolist()))
+            told = ' format="ascii"' if how else ""
+            return f"{head}{told}>{text}</DataArray>"
         data = rows.astype(order + code).tobytes()
         parts = [words(len(data)) + data]
         if packer:
@@ -128,6 +130,7 @@ def a_file(
     "made",
     [
         {"how": "ascii"},
+        {"how": ""},
         {"how": "binary", "order": ">"},
         {"how": "binary", "packer": "vtkZLib", "grid": True},
         {"how": "base64", "packer": "vtkLZMA", "word": "u8"},

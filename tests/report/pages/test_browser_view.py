@@ -84,6 +84,13 @@ def test_pairs_are_placed_dragged_deleted_and_undone_with_the_mouse(page, dogs) 
     assert moved[0][1] not in (placed[0][1], -1)
     assert moved[1] == placed[1]
     assert changed(before, page.picture("#shape-1")) < 0.02, "the shape was turned"
+    x, y = spot(page, 1, moved[0][1])
+    page.mouse("mousePressed", x, y, button="left", clickCount=1)
+    for right in (8, 0):
+        page.mouse("mouseMoved", x + right, y, button="left", buttons=1)
+    page.mouse("mouseReleased", x, y, button="left", clickCount=1)
+    page.settle()
+    assert page.run(STATUS) == f"Landmark 1 stays on b, vertex {moved[0][1]}."
     x, y = spot(page, 1, placed[0][1])
     there = spot(page, 1, moved[0][1])
     assert np.hypot(there[0] - x - 40, there[1] - y - 8) < 20
@@ -93,6 +100,10 @@ def test_pairs_are_placed_dragged_deleted_and_undone_with_the_mouse(page, dogs) 
         page.press("z", **CTRL)
         assert table(page) == expected
     assert page.run(STATUS) == "There is nothing to undo."
+    for expected in ([[first, -1]], placed[:1], placed, moved, moved[1:], moved[1:]):
+        page.press("Z", modifiers=2 + 8)
+        assert table(page) == expected
+    assert page.run(STATUS) == "There is nothing to redo."
 
 
 def test_everything_can_be_done_with_the_keyboard(page, tmp_path) -> None:

@@ -209,6 +209,7 @@ def test_large_shapes_are_thinned_for_the_eye_alone(blob: Mesh) -> None:
         "200 of 642 vertices are drawn; all are computed on",
     ]
     assert len(show(mesh).ids) == 642
+    assert len(show(Mesh(5e6 + loose, mesh.faces), 200).ids) == 200
 
 
 def test_a_part_is_as_large_as_what_it_matches(blob: Mesh) -> None:

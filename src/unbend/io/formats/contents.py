@@ -30,6 +30,7 @@ class Contents:
 
 
 _ROUNDING = 1e-6  # share of a polygon's area that a triangle may be turned against it
+_EXACT = 1e-12  # share of its area, twice, below which a triangle is flat
 _MOST_CLIPPED = 1000  # corners of a polygon: the time grows with their square
 NO_FACES: IntArray = np.empty((0, 3), dtype=np.int64)
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"  # with which some editors begin UTF-8
@@ -214,7 +215,7 @@ def _clip_ears(places: FloatArray) -> IntArray:
         edges = np.roll(corners, -1, axis=0) - corners
         sides = np.cross(edges[:, None], others - corners[:, None]) @ normal
         elsewhere = (others[:, None] != corners).any(axis=2).all(axis=1)
-        inside = (sides >= 0).all(axis=0) & elsewhere
+        inside = (sides >= -_EXACT * (normal @ normal)).all(axis=0) & elsewhere
         if np.cross(edges[0], edges[1]) @ normal > 0 and not inside.any():
             triangles.append(ear)
             del left[at]

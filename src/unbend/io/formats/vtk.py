@@ -14,7 +14,7 @@ from unbend._types import FloatArray, IntArray
 from unbend.errors import FileError
 from unbend.io.formats.contents import Contents, count, misfit, numbers_in, triangulate
 
-_START = re.compile(rb"# vtk DataFile.* (\d)\.\d.*\n.*\n\s*(ASCII|BINARY)\s+DATASET\s+(\w+)")
+_START = re.compile(rb"# vtk DataFile.* (\d)\.\d.*\n.*\n\s*(ASCII|BINARY)\s+DATASET\s+(\w+)", re.I)
 _TYPES = {
     "char": "i1", "unsigned_char": "u1", "short": "i2", "unsigned_short": "u2",
     "int": "i4", "unsigned_int": "u4", "long": "i8", "unsigned_long": "u8", "vtkidtype": "i4",
@@ -33,10 +33,10 @@ class _Reader:
         start = _START.match(data)
         if start is None:
             raise FileError("not a VTK file: it does not start with # vtk DataFile, and a DATASET")
-        if start[3] not in (b"POLYDATA", b"UNSTRUCTURED_GRID"):
-            raise FileError(f"holds {start[3].decode()}, which is no surface; save its surface")
+        if (kind := start[3].decode().upper()) not in ("POLYDATA", "UNSTRUCTURED_GRID"):
+            raise FileError(f"holds {kind}, which is no surface; save its surface")
         self.data, self.at = data, start.end()
-        self.new, self.binary = int(start[1]) >= 5, start[2] == b"BINARY"
+        self.new, self.binary = int(start[1]) >= 5, start[2].upper() == b"BINARY"
 
     def line(self) -> list[str]:
         """Four words or more of the next line that is neither blank nor describes an array."""
@@ -145,6 +145,8 @@ def read(data: bytes) -> Contents:
             n_rows, width = (rows, size) if key == "COLOR_SCALARS" else (size, "4")
             colors = file.array(name, n_rows, width, kind)
             if key == "COLOR_SCALARS":  # in text shares of 255
+                if not file.binary and not ((colors >= 0) & (colors <= 1)).all():
+                    raise FileError(f"{name} holds colours outside 0 to 1")
                 arrays[name] = colors if file.binary else np.rint(colors * 255).astype(np.uint8)
         else:
             unread = " ".join(words).strip()

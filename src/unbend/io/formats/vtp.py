@@ -64,7 +64,7 @@ class _Reader:
         width = count(one.get("NumberOfComponents", "1"), "columns")
         if kind not in _CODES:
             raise misfit(name, kind, ", not a type of numbers that unbend reads")
-        if how == "ascii":
+        if how == "ascii" or not (how or one.get("offset")):
             dtype = np.float64 if "Float" in kind else np.int64
             found = numbers_in([[word] for word in (one.text or "").split()], dtype, "number", name)
         else:

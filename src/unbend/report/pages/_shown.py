@@ -75,7 +75,8 @@ def show(mesh: Mesh, most: int = MOST_VERTICES) -> Shown:
     faces, parents = corners.reshape(-1, 3).astype(np.int64), np.arange(len(ids))
     kept = np.arange(len(ids))
     if len(ids) > most:
-        kept, faces, parents = decimate(snap(mesh.vertices[ids]), faces, most)
+        places = mesh.vertices[ids]
+        kept, faces, parents = decimate(snap(places - places.mean(axis=0)), faces, most)
     stand_ins = np.full(mesh.n_vertices, -1)
     stand_ins[ids] = parents
     return Shown(mesh, ids[kept], faces, stand_ins[number])

@@ -32,22 +32,35 @@ const READERS = {
 // Each landmark is {name, at}, `at` its vertex on each shape, by the numbers of the files, -1 for none.
 class Landmarks {
   constructor(shapes, list, changed) {
-    Object.assign(this, { shapes, list, changed, past: [], selected: null });
+    Object.assign(this, { shapes, list, changed, past: [], undone: [], selected: null });
   }
 
-  // Edit the list by a function, so that it can be undone.
+  // Edit the list by a function, so that it can be undone; tell whether that changed anything.
   edit(change) {
     const before = JSON.stringify(this.list);
     change();
     if (!this.list.includes(this.selected)) this.selected = null;
-    if (JSON.stringify(this.list) === before) return;
-    this.past.push(before);
-    this.changed();
+    const changed = JSON.stringify(this.list) !== before;
+    if (changed) {
+      this.past.push(before);
+      this.undone = [];
+      this.changed();
+    }
+    return changed;
   }
 
   undo() {
-    if (!this.past.length) return false;
-    this.list = JSON.parse(this.past.pop());
+    return this.step(this.past, this.undone);
+  }
+
+  redo() {
+    return this.step(this.undone, this.past);
+  }
+
+  step(from, to) {
+    if (!from.length) return false;
+    to.push(JSON.stringify(this.list));
+    this.list = JSON.parse(from.pop());
     this.selected = null;
     this.changed();
     return true;

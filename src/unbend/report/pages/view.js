@@ -103,12 +103,17 @@ start(async ({ shapes, landmarks: given }) => {
     say(landmarks.undo() ? "Undone." : "There is nothing to undo.");
   }
 
+  function redo() {
+    say(landmarks.redo() ? "Redone." : "There is nothing to redo.");
+  }
+
   function saveCsv() {
     const complete = landmarks.complete(), left = landmarks.list.length - complete.length;
     if (!complete.length) return say("There is nothing to save: place a landmark on every shape first.");
     save("landmarks.csv", new Blob([landmarks.csv()], { type: "text/csv" }));
     const without = left ? ` Left out, because a shape lacks them: ${left}.` : "";
-    say(`Saved landmarks: ${complete.length}.${without}`);
+    const named = shapes.length > 1 && complete.some(({ name }, i) => name !== `${i + 1}`);
+    say(`Saved landmarks: ${complete.length}.${without}${named ? " Their names are saved as .mrk.json alone." : ""}`);
   }
 
   // Load a file onto a shape, or onto both.
@@ -141,9 +146,10 @@ start(async ({ shapes, landmarks: given }) => {
   });
   document.addEventListener("keydown", (event) => {
     const key = event.key.toLowerCase();
-    if (!(event.ctrlKey || event.metaKey) || !["s", "z"].includes(key)) return;
-    if (key === "z" && event.target.matches("input")) return; // which undo what is typed
+    if (!(event.ctrlKey || event.metaKey) || !["s", "y", "z"].includes(key)) return;
+    if (key !== "s" && event.target.matches("input")) return; // which undo what is typed
     event.preventDefault();
+    if (key === "y" || (key === "z" && event.shiftKey)) return redo();
     if (key === "z") return undo();
     event.target.blur(); // what has been typed counts
     event.target.focus();
@@ -206,8 +212,8 @@ start(async ({ shapes, landmarks: given }) => {
     }
 
     function move(one, vertex) {
-      landmarks.edit(() => { one.at[side] = shape.number(vertex); });
-      say(`Landmark ${one.name} moved on ${shape.name}, vertex ${shape.number(vertex)}.`);
+      const moved = landmarks.edit(() => { one.at[side] = shape.number(vertex); });
+      say(`Landmark ${one.name} ${moved ? "moved" : "stays"} on ${shape.name}, vertex ${shape.number(vertex)}.`);
     }
 
     // Put the cursor on the vertex seen nearest the middle.
