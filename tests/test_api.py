@@ -20,12 +20,16 @@ from animals import dog
 from unbend.alignment import procrustes
 from unbend.canonical import interpolate
 from unbend.collection import (
+    Collection,
     Registered,
     find_groups,
     mean_shape,
+    read_labels,
     retrieval_measures,
     shape_statistics,
+    write_mean,
 )
+from unbend.correspondence import transfer_landmarks
 from unbend.datasets import make_sphere, rest_map
 from unbend.errors import (
     FileError,
@@ -206,7 +210,38 @@ def test_every_public_name_can_be_had_from_a_core_install():
         (lambda out: draw_distances("abc", np.triu(TABLE), out.with_suffix(".png")), "symmetric"),
         (lambda out: draw_similarities("ab", [["x"] * 2] * 2, out), "needs real numbers"),
         (lambda out: read_markup_pairs(["a.fcsv"], BALL, BALL), "two meshes need two files, not 1"),
-        (lambda out: write_markups(out.with_suffix(".json"), BALL, [0, 1], "ab"), "a list of text"),
+        (
+            lambda out: write_markups(out.with_suffix(".json"), BALL, [0, 1], "ab"),
+            "labels must be a",
+        ),
+        (lambda out: write_markups(out.with_suffix(".json"), BALL, [0], {"a"}), "must be a list"),
+        (lambda out: transfer_landmarks({"a", "b"}, [0, 1], EVERY, BALL), "labels must be a list"),
+        (lambda out: transfer_landmarks("ab", [0, 1], EVERY, BALL), "must be a list, not 'ab'"),
+        (lambda out: read_markup_pairs("ab", BALL, BALL), "two meshes must be a list, not 'ab'"),
+        (
+            lambda out: unbend.Mesh(BALL.vertices, BALL.faces, notes="scaled"),
+            "notes must be a list, not 'scaled'",
+        ),
+        (lambda out: unbend.read_mesh(BALL), "a Mesh is no path; the path comes first"),
+        (lambda out: unbend.write_mesh(BALL, out), "a Mesh is no path; the path comes first"),
+        (lambda out: unbend.write_map(EVERY, out), "a ndarray is no path; the path comes first"),
+        (lambda out: write_values(EVERY, out, BALL), "a ndarray is no path"),
+        (lambda out: read_labels(None, []), "a NoneType is no path"),
+        (lambda out: Collection(BALL), "a Mesh is no path"),
+        (lambda out: Collection(out).add(None), "shapes are given by their paths, not None"),
+        (lambda out: Collection(out).add([BALL]), "a Mesh is no path"),
+        (lambda out: Collection(out).remove(5), "shapes are given by their paths, not 5"),
+        (lambda out: unbend.read_map(out, n_source="162"), "n_source must be a whole number"),
+        (lambda out: unbend.read_map(out, n_target=np.nan), "n_target must be a whole number"),
+        (lambda out: unbend.io.read_values(out, n_vertices="162"), "n_vertices must be a whole"),
+        (lambda out: mean_shape(None, BALL), "registrations must be a list, not None"),
+        (lambda out: write_mean(out, None), "needs a MeanShape, not a NoneType"),
+        (lambda out: view(BALL, BALL, [[1, 2], [3]]), "landmarks: rows have different lengths"),
+        (lambda out: similarity_page(None, TABLE), "shapes must be a list, not None"),
+        (
+            lambda out: unbend.farthest_point_sampling(BALL, 5, start=[[1, 2], [3]]),
+            "start must be one vertex",
+        ),
         (lambda out: write_markups(out.with_suffix(".json"), BALL, [0], [None]), "a list of text"),
     ],
 )

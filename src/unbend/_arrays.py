@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Set
 from typing import Any, TypeGuard
 
 import numpy as np
@@ -36,6 +36,12 @@ def check_choice(given: Any, name: str, choices: Iterable[str]) -> None:
     known = list(choices)  # of which a list or an array is none, and no error
     if not isinstance(given, str) or given not in known:
         raise InputError(f"{name} must be one of {', '.join(known)}, not {given!r}")
+
+
+def check_list(given: Any, what: str) -> None:
+    """Raise InputError for text, which is no list of letters, and for what has no order."""
+    if isinstance(given, str | Set | Mapping) or not isinstance(given, Iterable):
+        raise InputError(f"{what} must be a list, not {given!r:.60}")
 
 
 def is_number(number: Any) -> TypeGuard[float]:

@@ -22,7 +22,7 @@ from unbend.collection._registering import register_collection
 from unbend.collection._rows import Added, Entry, Hit, Info, Matched, Registered
 from unbend.collection._store import Store, among, check_outside
 from unbend.errors import FileError, InputError
-from unbend.io import MeshLike, as_mesh, check_writable
+from unbend.io import MeshLike, as_mesh, as_path, check_writable
 
 _LEAST_INDEXED = 10_000  # rows: with fewer an index finds nothing sooner
 
@@ -30,7 +30,9 @@ _LEAST_INDEXED = 10_000  # rows: with fewer an index finds nothing sooner
 def _listed(names: StrPath | Iterable[StrPath]) -> list[str]:
     """Make a list of one name, or of several."""
     several = [names] if isinstance(names, str | os.PathLike) else names
-    return [os.fspath(name) for name in several]
+    if not isinstance(several, Iterable):
+        raise InputError(f"shapes are given by their paths, not {names!r}")
+    return [os.fspath(as_path(name)) for name in several]
 
 
 class Collection:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from unbend._arrays import is_number
+from unbend._arrays import check_list, is_number
 from unbend._display import Brief
 from unbend._types import FloatArray, StrPath
 from unbend.alignment import procrustes
@@ -120,6 +120,7 @@ def mean_shape(
         if not is_number(share) or not 0 <= share <= 1:
             raise InputError(f"{name} must be from 0 to 1, not {share!r}")
     template = as_mesh(template)
+    check_list(registrations, "registrations")
     kept: list[Registration] = []
     left_out: list[Failure] = []
     for one in registrations:
@@ -188,6 +189,8 @@ def write_mean(folder: StrPath, found: MeanShape) -> tuple[Path, ...]:
     >>> [path.name for path in write_mean(tempfile.mkdtemp(), found)[:3]]
     ['mean.ply', 'component_1_minus.ply', 'component_1_plus.ply']
     """
+    if not isinstance(found, MeanShape):
+        raise InputError(f"write_mean needs a MeanShape, not a {type(found).__name__}")
     folder = make_folder(folder)
     statistics = found.statistics
     k = len(statistics.variances)

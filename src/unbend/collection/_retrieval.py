@@ -15,7 +15,7 @@ from unbend._arrays import array_of, numbers_of
 from unbend._display import Brief
 from unbend._types import FloatArray, StrPath
 from unbend.errors import FileError, InputError, warn
-from unbend.io import read_table
+from unbend.io import as_path, read_table
 
 _FIRST_PAGE = 32  # of results, which the E-measure looks at
 _RECALL_LEVELS = np.arange(1, 21) / 20  # shares of a class found at which precision is told
@@ -203,7 +203,7 @@ def read_labels(table: StrPath, shapes: Sequence[Sequence[str]]) -> list[str | N
     >>> read_labels(table, [["/shapes/cat0.off", "/copies/cat0.off"], ["/shapes/dog1.off"]])
     ['cat', None]
     """
-    table = Path(table)
+    table = as_path(table)
     rows = read_table(table, ("path", "label"))
     files = {os.path.abspath(path): (i, path) for i, some in enumerate(shapes) for path in some}
     ends: dict[str, list[tuple[int, str]]] = {}

@@ -21,6 +21,7 @@ from unbend.errors import FileError, InputError
 from unbend.io import (
     MeshLike,
     as_mesh,
+    as_path,
     atomic_write,
     check_writable,
     counted_from_zero,
@@ -148,7 +149,7 @@ def read_match(
     >>> len(read_match(path).source_to_target)
     162
     """
-    data = read_bytes(Path(path), (".npz",))
+    data = read_bytes(as_path(path), (".npz",))
     with prefixed(Path(path).name):
         arrays = _load(data)
         hashes = [arrays.pop(name, None) for name in _MESHES]

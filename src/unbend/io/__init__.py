@@ -2,6 +2,7 @@
 
 from unbend.io._colors import both_signs, scale_limits, value_colors
 from unbend.io._files import (
+    as_path,
     atomic_write,
     check_writable,
     prefixed,
@@ -53,6 +54,7 @@ __all__ = [
     "WRITE_SUFFIXES",
     "MeshLike",
     "as_mesh",
+    "as_path",
     "atomic_write",
     "both_signs",
     "check_storable",

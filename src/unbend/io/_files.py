@@ -21,12 +21,19 @@ from unbend._types import StrPath
 from unbend.errors import FileError, InputError, file_errors
 
 
+def as_path(path: StrPath) -> Path:
+    """Make a Path; raise InputError if it is none, as where arguments are exchanged."""
+    if not isinstance(path, str | os.PathLike):
+        raise InputError(f"a {type(path).__name__} is no path; the path comes first")
+    return Path(path)
+
+
 def check_writable(path: StrPath, suffixes: Collection[str]) -> Path:
     """Raise FileError if a file cannot be written, before anything is computed.
 
     Suffixes are in lower case, with their dot; empty: any. The folder must exist and be writable.
     """
-    path = Path(path)
+    path = as_path(path)
     if os.path.isdir(path):
         raise FileError(f"cannot write {path}: it is a folder; give a file's name")
     check_suffix(path, suffixes, "write")

@@ -12,11 +12,11 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.sparse.csgraph import dijkstra
 
-from unbend._arrays import array_of, is_whole, snap
+from unbend._arrays import array_of, check_whole, is_whole, snap
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray, StrPath
 from unbend.errors import FileError, InputError, warn
-from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes
+from unbend.io._files import as_path, atomic_write, check_writable, prefixed, read_bytes
 from unbend.io._foreign import MeshLike
 from unbend.io._meshes import as_mesh
 from unbend.io._value_tables import read_table_of_values
@@ -81,7 +81,10 @@ def read_map(
     >>> read_map(path)
     array([ 2,  0, -1])
     """
-    path = Path(path)
+    path = as_path(path)
+    for name, number in (("n_source", n_source), ("n_target", n_target)):
+        if number is not None:
+            check_whole(number, name, 1)
     data = read_bytes(path, MAP_SUFFIXES)
     suffix = path.suffix.lower()
     first = _base(base, suffix)
@@ -149,7 +152,7 @@ def read_landmarks(
     nameless first column, of names of rows, is left out. Raises FileError if it cannot be read or
     has other lines or names, or numbers not below `n_source` and `n_target`.
     """
-    path = Path(path)
+    path = as_path(path)
     data = read_bytes(path, (".csv", ".txt"))
     is_csv = path.suffix.lower() == ".csv"
     if is_csv:  # NumPy writes names of columns as a comment

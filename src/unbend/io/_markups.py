@@ -13,10 +13,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from unbend._arrays import check_list
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray, StrPath
 from unbend.errors import FileError, InputError, warn
-from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes
+from unbend.io._files import as_path, atomic_write, check_writable, prefixed, read_bytes
 from unbend.io._foreign import MeshLike
 from unbend.io._meshes import as_mesh
 from unbend.io.formats import landmarks
@@ -81,7 +82,7 @@ def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
     >>> read_markups(path, make_sphere(2))
     (['nose', 'ear'], array([  7, 100]))
     """
-    labels, vertices, _ = _read(Path(path), _places(as_mesh(mesh)), alone=True)
+    labels, vertices, _ = _read(as_path(path), _places(as_mesh(mesh)), alone=True)
     return labels, vertices
 
 
@@ -199,11 +200,12 @@ def read_markup_pairs(
     (['nose', 'ear'], array([[  7,   8],
            [100,  90]]))
     """
+    check_list(paths, "landmarks of two meshes")
     if len(paths) != 2:
         raise InputError(f"landmarks of two meshes need two files, not {len(paths)}")
     a, b = _places(as_mesh(source, "source")), _places(as_mesh(target, "target"))
-    labels, first, on_a = _read(Path(paths[0]), a)
-    others, second, on_b = _read(Path(paths[1]), b)
+    labels, first, on_a = _read(as_path(paths[0]), a)
+    others, second, on_b = _read(as_path(paths[1]), b)
     off = _off(on_a, a) + _off(on_b, b)
     if off > _MOVED and _off(on_a, b) + _off(on_b, a) < off / _CLOSER_TO_OTHER:
         raise FileError(
@@ -273,7 +275,8 @@ def write_markups(
     """
     path, mesh = check_writable(path, (".json",)), as_mesh(mesh)
     vertices = vertex_ids(vertices, mesh.n_vertices, mesh.name)
-    if isinstance(labels, str) or not all(isinstance(label, str) for label in labels):
+    check_list(labels, "labels")
+    if not all(isinstance(label, str) for label in labels):
         raise InputError(f"{mesh.name}: labels of landmarks must be a list of text")
     if len(labels) != len(vertices):
         raise InputError(

@@ -11,7 +11,7 @@ import numpy as np
 
 from unbend._types import StrPath
 from unbend.errors import FileError, InputError
-from unbend.io._files import prefixed, read_bytes
+from unbend.io._files import as_path, prefixed, read_bytes
 from unbend.io._foreign import FOREIGN_SUFFIXES, MeshLike, mesh_of, read_foreign
 from unbend.io.formats import obj, off, ply, points, stl, vtk, vtp
 from unbend.io.formats.contents import Contents
@@ -86,7 +86,7 @@ def read_mesh(path: StrPath) -> Mesh:
 
 def read_contents(path: StrPath) -> Contents:
     """Read a mesh file: its shape, and on demand its values per vertex."""
-    path = Path(path)
+    path = as_path(path)
     data = read_bytes(path, READ_SUFFIXES)
     suffix = path.suffix.lower()
     with prefixed(path.name):
@@ -96,7 +96,7 @@ def read_contents(path: StrPath) -> Contents:
 
 def file_extras(path: StrPath) -> list[str]:
     """Name what a mesh file holds besides its shape: colours, normals, materials ..."""
-    path = Path(path)
+    path = as_path(path)
     suffix = path.suffix.lower()
     if suffix in _EXTRAS:
         return _EXTRAS[suffix](read_bytes(path, ()))

@@ -11,13 +11,20 @@ from typing import Any, get_args
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import check_choice, values_of
+from unbend._arrays import check_choice, check_list, check_whole, values_of
 from unbend._text import plural
 from unbend._types import StrPath
 from unbend.choices import ValueKind
 from unbend.errors import FileError, InputError, warn
 from unbend.io._colors import value_colors
-from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes, write_table
+from unbend.io._files import (
+    as_path,
+    atomic_write,
+    check_writable,
+    prefixed,
+    read_bytes,
+    write_table,
+)
 from unbend.io._foreign import MeshLike
 from unbend.io._meshes import READ_SUFFIXES, as_mesh, file_extras, read_contents
 from unbend.io._value_tables import read_table_of_values
@@ -95,7 +102,9 @@ def read_named_values(
     >>> read_named_values(path)[1]
     ['hip', 'knee']
     """
-    path = Path(path)
+    path = as_path(path)
+    if n_vertices is not None:
+        check_whole(n_vertices, "n_vertices")
     suffix = path.suffix.lower()
     if suffix in VALUE_SUFFIXES and name is not None:
         raise InputError(
@@ -234,6 +243,7 @@ def write_values(
         raise InputError(f"values must have one row for each of {need}")
     check_storable(path, array, kind)
     columns = array.reshape(len(array), -1)
+    check_list(names, "names")
     if len(names) not in (0, columns.shape[1]):
         raise InputError(
             f"{plural(columns.shape[1], 'column')} cannot have {plural(len(names), 'name')}"

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from unbend._arrays import array_of, sum_rows, unit_vectors
+from unbend._arrays import array_of, check_list, sum_rows, unit_vectors
 from unbend._display import table
 from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError, MeshError
@@ -61,6 +61,7 @@ class Mesh:
         vertices = _vertex_array(vertices, name)
         faces = _face_array(faces, len(vertices), name)
         _check_finite(vertices, faces, name)
+        check_list(notes, "notes")
         state = {"vertices": vertices, "faces": faces, "name": name, "notes": tuple(notes)}
         self.__setstate__(state)
 

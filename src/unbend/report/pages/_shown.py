@@ -92,9 +92,9 @@ def checked_landmarks(
     labels = None
     if isinstance(landmarks, Mapping):
         labels, landmarks = list(landmarks), list(landmarks.values())
-    if landmarks is None or not np.size(landmarks):
+    rows = array_of([] if landmarks is None else landmarks, "landmarks")
+    if not rows.size:
         return []
-    rows = array_of(landmarks, "landmarks")
     if rows.shape[1:] != (2,) * (len(meshes) - 1) or rows.ndim < 1 or rows.dtype.kind not in "iu":
         wanted = "pairs of vertices" if len(meshes) > 1 else "vertices"
         raise InputError(f"landmarks must be {wanted}, not {rows.dtype} of shape {rows.shape}")
