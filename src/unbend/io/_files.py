@@ -43,7 +43,8 @@ def check_writable(path: StrPath, suffixes: Collection[str]) -> Path:
     if os.path.exists(path) and not os.path.isfile(path):
         raise FileError(f"cannot write {path}: it is not a regular file")
     if not os.path.isdir(folder):
-        raise FileError(f"cannot write {path}: there is no folder {folder}; create it first")
+        problem = ", but a file" if os.path.exists(folder) else "; create it first"
+        raise FileError(f"cannot write {path}: there is no folder {folder}{problem}")
     if sys.platform == "win32" and path.exists() and not os.access(path, os.W_OK):
         # Windows neither replaces nor removes a read-only file; elsewhere only the folder counts.
         raise FileError(f"cannot write {path}: it is read-only; allow writing or remove it")
