@@ -19,6 +19,18 @@ from unbend.datasets import make_sphere
 from unbend.errors import InputError
 
 
+class Fake:
+    """A worker without a process."""
+
+    def __init__(self, memory: int) -> None:
+        self.memory = memory
+
+    def begin(self):
+        return self.run
+
+    def close(self) -> None: ...
+
+
 @pytest.fixture(scope="module")
 def ply(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     path = tmp_path_factory.mktemp("ball") / "ball.ply"
@@ -48,6 +60,9 @@ def test_closing_the_last_page_ends_the_app_and_what_it_computes(app, tmp_path, 
     link.symlink_to(tmp_path / "7f3c")  # as of files that are kept by their hashes
 
     class Endless(_session.Worker):
+        def begin(self):
+            return self.run
+
         def run(self, job, progress):
             begun.put(job["shapes"])
             assert go_on.wait(60)
@@ -317,15 +332,9 @@ def wait_for(session: _session.Session) -> None:
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="names there are text")
 def test_names_that_are_no_text_are_shown(tmp_path, monkeypatch) -> None:
-    class Worker:
-        def __init__(self, memory: int) -> None:
-            pass
-
+    class Worker(Fake):
         def run(self, job, progress):
             return {"usable": True, "told": []}
-
-        def close(self) -> None:
-            pass
 
     monkeypatch.setattr(_session, "Worker", Worker)
     session = _session.Session(0, 0, os.fsdecode(b"st\xe4ll"))
@@ -342,7 +351,7 @@ def test_names_that_are_no_text_are_shown(tmp_path, monkeypatch) -> None:
 
 
 def test_cancelling_leaves_a_shape_that_is_only_drawn_again(tmp_path, monkeypatch) -> None:
-    class Worker:
+    class Worker(Fake):
         def __init__(self, memory: int) -> None:
             self.cancelled = threading.Event()
 
@@ -372,15 +381,11 @@ def test_cancelling_leaves_a_shape_that_is_only_drawn_again(tmp_path, monkeypatc
 
 
 def test_of_two_files_of_one_name_the_bad_one_is_named(tmp_path, monkeypatch) -> None:
-    class Worker:
-        def __init__(self, memory: int) -> None: ...
-
+    class Worker(Fake):
         def run(self, job, progress):
             (_, first), *others = job["shapes"]
             error = {"error": f"{first}: the surface has only one side"}
             return error if others else {"usable": True, "told": []}
-
-        def close(self) -> None: ...
 
     monkeypatch.setattr(_session, "Worker", Worker)
     session = _session.Session(0, 0, None)
@@ -393,6 +398,25 @@ def test_of_two_files_of_one_name_the_bad_one_is_named(tmp_path, monkeypatch) ->
         assert trouble["text"].endswith("dog (2).ply: dog.ply: the surface has only one side")
     finally:
         session.close()
+
+
+def test_files_of_ours_go_with_what_they_are_of(app, ply, temporary: Path) -> None:
+    def left() -> set[str]:
+        return {path.name for path in app.session.folder.iterdir()} - before
+
+    before = {path.name for path in app.session.folder.iterdir()}
+    i = put(app, "a.ply", ply)
+    app.wait(lambda state: not state["jobs"])
+    for up in "zy":
+        app.send("PUT", "up", {"up": up})
+        app.wait(lambda state: not state["jobs"])
+    assert len(left()) == 2  # the file, and one folder with its picture
+    values = app.send("PUT", "files?as=values&name=v.csv", b"1\n")["id"]
+    asked = {"do": "transfer", "result": 10**6, "values": values}
+    assert app.ask("POST", "jobs", asked)[0] == 400
+    assert len(left()) == 2
+    app.send("DELETE", f"shapes/{i}")
+    assert not left()
 
 
 def test_a_full_queue_refuses_work_and_takes_shapes(app, ply, monkeypatch) -> None:

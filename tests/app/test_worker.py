@@ -30,7 +30,7 @@ def run_until(worker, folder, act):
     """Run a job, and do something to it once it works."""
     started, answers = threading.Event(), []
     thread = threading.Thread(
-        target=lambda: answers.append(worker.run(sample(folder), lambda *_: started.set()))
+        target=lambda: answers.append(worker.begin()(sample(folder), lambda *_: started.set()))
     )
     thread.start()
     assert started.wait(60)
@@ -45,7 +45,7 @@ def test_a_cancelled_job_ends_and_the_next_one_runs(worker, tmp_path) -> None:
     assert worker._process.pid != before
     write_mesh(tmp_path / "ball.ply", make_sphere(1))
     job = {"do": "look", "folder": str(tmp_path / "b"), "up": "y"}
-    found = worker.run(job | {"shapes": [[str(tmp_path / "ball.ply"), "b"]]}, lambda *_: None)
+    found = worker.begin()(job | {"shapes": [[str(tmp_path / "ball.ply"), "b"]]}, lambda *_: None)
     assert found["usable"]
     assert found["warnings"] == []
 
@@ -63,9 +63,9 @@ def test_errors_are_sentences(worker, tmp_path) -> None:
         "folder": str(tmp_path / "a"),
         "shapes": [[str(tmp_path / "bad.off"), "b"]],
     }
-    found = worker.run(job | {"up": "y"}, lambda *_: None)
+    found = worker.begin()(job | {"up": "y"}, lambda *_: None)
     assert "bad.off" in found["error"]
-    found = worker.run(job | {"folder": "/nowhere/at/all"}, lambda *_: None)
+    found = worker.begin()(job | {"folder": "/nowhere/at/all"}, lambda *_: None)
     assert "please report this" in found["error"]
 
 
@@ -81,7 +81,7 @@ def test_warnings_are_told_once() -> None:
 @pytest.mark.skipif(not os.path.exists("/proc/self/statm"), reason="the system does not tell")
 def test_a_job_that_takes_too_much_memory_is_ended(worker, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(worker, "_memory", 2**20)
-    found = worker.run(sample(tmp_path / "a"), lambda *_: None)
+    found = worker.begin()(sample(tmp_path / "a"), lambda *_: None)
     assert "more memory than there is" in found["error"]
 
 

@@ -150,7 +150,7 @@ class Session:
         """Forget a shape, a result or a trouble, with our files of it, or cancel a job."""
         forget = {
             "shapes": self._remove_shape,
-            "results": lambda i: shutil.rmtree(self._results.pop(i)["folder"], ignore_errors=True),
+            "results": lambda i: _remove_folder(self._results.pop(i)),
             "troubles": lambda i: self._troubles.pop(i, None),
             "jobs": self._cancel,
         }[kind]
@@ -158,12 +158,19 @@ class Session:
             forget(i)
 
     def _remove_shape(self, i: int) -> None:
-        self._remove_file(Path(self._shapes.pop(i)["path"]))
+        shape = self._shapes.pop(i)
+        _remove_folder(shape)
+        self._remove_file(Path(shape["path"]))
+
+    def _remove_values(self, given: Any) -> None:
+        """Remove the files of values that a job was given."""
+        for i in [i for i, one in self._values.items() if one == given]:
+            self._remove_file(Path(self._values.pop(i)[0]))
 
     def _remove_file(self, path: Path) -> None:
-        if path.parent == self.folder:
+        if self.folder in path.parents:
             with contextlib.suppress(OSError):  # it is gone, or Windows keeps what is being read
-                self._bytes -= path.stat().st_size
+                self._bytes -= path.stat().st_size if path.parent == self.folder else 0
                 path.unlink()
 
     def open_found(self, i: int, n: int) -> int:
@@ -178,11 +185,18 @@ class Session:
             if len(self._jobs) >= _MOST_JOBS:
                 raise InputError("too many jobs wait; cancel some first")
             open_now = self._shapes, self._results, self._values
-            return self._submit(check_request(asked, *open_now, self._collection))
+            try:
+                job = check_request(asked, *open_now, self._collection)
+            except InputError:
+                given = (one for i, one in self._values.items() if i == asked.get("values"))
+                self._remove_values(next(given, None))
+                raise
+            return self._submit(job)
 
     def _cancel(self, i: int) -> None:
         if (entry := self._jobs.pop(i, None)) is None:
             return
+        self._remove_values(entry["job"].get("values"))
         shapes = [self._shapes.get(one, {}) for one in entry["job"]["shapes"]]
         if entry["job"]["do"] == "look" and shapes[0].get("state") == "reading":
             self._failed(i, entry, "cancelled")  # others are only drawn again
@@ -219,16 +233,18 @@ class Session:
                 used = [self._shapes[one] for one in job["shapes"]]
                 shapes = [(one["path"], one["name"]) for one in used]
                 changed = [one["name"] for one in used if one["stamp"] != _stamp(one["path"])]
+                run = self._worker.begin()  # what is cancelled from here on does not start
                 self._note()
             if changed:
                 found = {"error": f"{changed[0]} has changed since it was opened; open it again"}
             else:
                 given = job | {"shapes": shapes, "folder": str(folder)}
-                found = self._worker.run(given, functools.partial(self._step, entry))
+                found = run(given, functools.partial(self._step, entry))
             with self._change():
-                for n in [n for n, one in self._values.items() if one == job.get("values")]:
-                    self._remove_file(Path(self._values.pop(n)[0]))
+                self._remove_values(job.get("values"))
                 there = self._jobs.pop(i, None) is not None
+                if "error" in found and any(one not in self._shapes for one in job["shapes"]):
+                    there = False  # it may have failed for that
                 if there and "error" in found:
                     self._failed(i, entry, found["error"])
                 elif there and found:
@@ -262,7 +278,10 @@ class Session:
             (one,) = job["shapes"]
             state = "good" if found["usable"] else "bad"
             if one in self._shapes:
+                _remove_folder(self._shapes[one])  # with the picture of before
                 self._shapes[one] |= found | {"state": state, "drawn": i}
+            else:
+                _remove_folder(found)
         elif job["do"] == "sample":
             for one in found["samples"]:
                 self._shapes[self.add(Path(one["path"]), one["name"])]["sample"] = True
@@ -303,6 +322,12 @@ def _stamp(path: str | Path) -> tuple[int, int] | None:
         about = os.stat(path)
         return about.st_size, about.st_mtime_ns
     return None
+
+
+def _remove_folder(of: dict[str, Any]) -> None:
+    """Remove our files of a result, or pictures of a shape, if there are any."""
+    if "folder" in of:
+        shutil.rmtree(of["folder"], ignore_errors=True)
 
 
 def _shown(entries: dict[int, dict[str, Any]]) -> list[dict[str, Any]]:

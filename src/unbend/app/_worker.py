@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import multiprocessing
 import os
@@ -9,6 +10,7 @@ import signal
 import threading
 import time
 import warnings
+from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -34,10 +36,15 @@ class Worker:
         self._closed = False
         self._start()
 
-    def run(self, job: dict[str, Any], progress: Progress) -> dict[str, Any]:
-        """Run a job to its end: give its result, ``{"error": sentence}``, or {} if cancelled."""
+    def begin(self) -> Callable[[dict[str, Any], Progress], dict[str, Any]]:
+        """Return what runs one job: cancelled from now on, it gives {}."""
         with self._lock:
-            process, pipe = self._process, self._pipe
+            return functools.partial(self._run, self._process, self._pipe)
+
+    def _run(
+        self, process: Any, pipe: Connection, job: dict[str, Any], progress: Progress
+    ) -> dict[str, Any]:
+        """Run a job to its end: give its result, ``{"error": sentence}``, or {} if cancelled."""
         trouble = ""
         try:
             pipe.send_bytes(json.dumps(job).encode())

@@ -149,7 +149,8 @@ function showJobs() {
 
 function showResults() {
   part("done").hidden = !state.results.length;
-  const at = state.results.find(({ id }) => id === kept.result) || state.results.at(-1);
+  const of = (result) => state.results.find(({ id }) => id === result);
+  const at = of(kept.result) || of(shown) || state.results.at(-1); // what another page computes replaces nothing
   redraw("results", [state.results.map(({ id }) => id), at?.id], () => state.results.map((one) => button(one.title, () => {
     remember({ result: one.id });
     showResults();

@@ -126,7 +126,8 @@ def mean_shape(
     for one in registrations:
         if not isinstance(one, Registration):
             raise InputError(f"mean_shape needs Registrations, not {type(one).__name__}")
-        if not np.array_equal(one.mesh.faces, template.faces):
+        same = one.mesh.n_vertices == template.n_vertices
+        if not same or not np.array_equal(one.mesh.faces, template.faces):
             raise InputError(f"{one.mesh.name}: is not registered to {template.name}")
         if one.confidence < min_confidence:
             reason = f"the match's confidence is {one.confidence:.4g}, less than {min_confidence:g}"

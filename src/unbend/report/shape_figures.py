@@ -134,7 +134,7 @@ def draw_values(
     low, high = scale_limits(float(np.nanmin(array)), float(np.nanmax(array)))
     shades = ListedColormap(value_colors(np.linspace(low, high, 256)) / 255)
     colors = ScalarMappable(Normalize(low, high), shades)
-    figure.colorbar(colors, scale).set_label(label, fontsize=9)
+    figure.colorbar(colors, scale).set_label(as_written(label), fontsize=9)
     save_figure(figure, path)
 
 

@@ -95,6 +95,27 @@ def test_a_click_tells_the_partner_on_either_side(browser, match_html, dogs, scr
     assert ours == backward[theirs]
 
 
+def test_what_has_no_place_in_the_forms_is_not_marked_there(browser, dogs, tmp_path) -> None:
+    source, target, forward = dogs
+    ball = make_sphere(1)
+    both = Mesh(
+        np.vstack([source.vertices, ball.vertices / 9 + 3]),
+        np.vstack([source.faces, ball.faces + source.n_vertices]),
+    )
+    images = np.append(forward, np.full(ball.n_vertices, -1))
+    match_page(both, target, images, tmp_path / "match.html")
+    browser.open(tmp_path / "match.html")
+    plain = browser.picture("#before")
+    loose = both.n_vertices - 1
+    box = "part('source-vertex')"
+    browser.run(f"{box}.value = {loose}; {box}.dispatchEvent(new Event('change'))")
+    browser.settle()
+    assert numbers(browser) == [loose, -1]
+    assert changed(plain, browser.picture("#before")) == 0
+    mesh = "part('before').view.meshes[0]"
+    assert browser.run(f"{mesh}.used[{loose}]") == 0
+
+
 def test_landmarks_are_shown_on_both_shapes(browser, match_html, dogs, tmp_path) -> None:
     browser.open(match_html)
     plain = [browser.picture(f"#{name}") for name in ("source", "target")]

@@ -106,6 +106,30 @@ def test_pairs_are_placed_dragged_deleted_and_undone_with_the_mouse(page, dogs) 
     assert page.run(STATUS) == "There is nothing to redo."
 
 
+def test_only_single_clicks_of_the_first_button_place_landmarks(page) -> None:
+    x, y = page.middle("#shape-0", 0.0, 0.1)
+    for button in ("right", "middle"):
+        for kind in ("mousePressed", "mouseReleased"):
+            page.mouse(kind, x, y, button=button, clickCount=1)
+    page.touch((x, y))
+    page.settle()
+    ((vertex, _),) = table(page)
+    for kind in ("mousePressed", "mouseReleased") * 2:
+        page.mouse(kind, x, y, button="left", clickCount=2)
+    page.settle()
+    assert table(page) == [[vertex, -1]]
+
+
+def test_two_fingers_place_nothing(page) -> None:
+    x, y = page.middle("#shape-0", 0.0, 0.1)
+    fingers = [{"x": x - 20, "y": y}, {"x": x + 20, "y": y}]
+    for kind, points in (("Start", fingers[:1]), ("Start", fingers), ("End", fingers[:1])):
+        page.call("Input.dispatchTouchEvent", type=f"touch{kind}", touchPoints=points)
+    page.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+    page.settle()
+    assert table(page) == []
+
+
 def test_everything_can_be_done_with_the_keyboard(page, tmp_path) -> None:
     def tab_to(name: str) -> None:
         for _ in range(40):
@@ -398,6 +422,18 @@ def test_a_typed_name_counts_and_leaves_the_buttons_where_they_are(one, tmp_path
     one.choose_file("#load", tmp_path / "landmarks.csv")
     one.wait_for("part('landmarks').rows.length === 3")
     assert one.run(f"{field}.value") == "#one"
+
+
+def test_python_reads_the_names_that_the_page_saves(browser, tmp_path) -> None:
+    ball, path = make_sphere(2), tmp_path / "view.html"
+    named = {"tip #1": 3, 'a "b", c': 9}
+    view(ball, landmarks=named, path=path)
+    browser.call("Page.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
+    browser.open(path)
+    browser.click(*browser.middle("#save"))
+    downloaded(browser, tmp_path / "landmarks.csv")
+    labels, vertices = read_markups(tmp_path / "landmarks.csv", ball)
+    assert dict(zip(labels, vertices.tolist(), strict=True)) == named
 
 
 def test_names_of_rows_are_not_those_of_landmarks(one, tmp_path) -> None:

@@ -151,6 +151,15 @@ def test_rows_without_a_mirrored_truth_have_errors(blob: Mesh) -> None:
     errors = _errors_of_vertices(blob, images, truth, evaluate(images, blob, *truth).direct)
     expected = evaluate(images, blob, every, every).direct
     np.testing.assert_allclose(errors, np.minimum(expected, 1))
+    # A seam is one place, whichever of its vertices is in the truth.
+    corners = blob.faces.ravel()
+    soup = Mesh(blob.vertices[corners], np.arange(len(corners)).reshape(-1, 3))
+    last = np.full(blob.n_vertices, 0)
+    last[corners] = np.arange(len(corners))
+    truth = last[truth[0]], truth[1]
+    direct = evaluate(images[corners], blob, *truth).direct
+    at_seams = _errors_of_vertices(soup, images[corners], truth, direct)
+    np.testing.assert_allclose(at_seams, errors[corners])
 
 
 def test_several_maps_can_be_chosen_from(blob: Mesh, found: Match) -> None:

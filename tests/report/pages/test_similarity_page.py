@@ -126,3 +126,17 @@ def test_a_search_needs_something_found(blob: Mesh, tmp_path: Path) -> None:
         search_page(blob, [], [])
     with pytest.raises(FileError, match=r"\.html"):
         search_page(blob, [blob], [0], tmp_path / "page.pdf")
+
+
+def test_values_of_any_size_are_told(three: list[Mesh], tmp_path: Path) -> None:
+    tiny = 1e-7 * np.array([[0, 4, 1], [4, 0, 2], [1, 2, 0]])
+    page = similarity_page(three, tiny, measure="distance")
+    assert "Distance is 1.000e-07 to 4.000e-07 between different shapes" in page.html
+    assert 'distance 4.000e-07 <span class="scale viridis"></span> 0.0000' in page.html
+    assert "2. score -0.2500" in search_page(three[0], three[1:], [1, -0.25], measure="score").html
+
+
+def test_joined_seams_are_not_thinned(three: list[Mesh]) -> None:
+    ball = three[0]
+    soup = Mesh(ball.vertices[ball.faces.ravel()], np.arange(ball.faces.size).reshape(-1, 3))
+    assert "all shapes are drawn as they are" in similarity_page([soup, ball], np.eye(2)).html

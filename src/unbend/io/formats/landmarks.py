@@ -91,6 +91,8 @@ def _table(data: bytes, suffix: str, vertices: FloatArray) -> list[Point]:
     defined. Or columns label and vertex, as the page of unbend view saves landmarks of one mesh.
     """
     lines = data_lines(data, suffix[1:])
+    if suffix == ".csv":  # where quoted labels may have a #
+        lines = [line for line in text_lines(data, "CSV") if re.match(r"\s*[^\s#]", line)]
     if suffix == ".pts" and lines and re.match(r"version", lines[0], re.IGNORECASE):
         lines = lines[2:]  # how many there are
     between = next((mark for mark in ";\t," if lines and mark in lines[0]), " ")

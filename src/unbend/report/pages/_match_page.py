@@ -20,6 +20,7 @@ from unbend.errors import InputError, heard
 from unbend.io import MeshLike, invert_map
 from unbend.matching import Match
 from unbend.mesh import Mesh, edge_ends, vertex_areas
+from unbend.preparation import join_seams
 from unbend.report.figures import drawable, fit_rigidly
 from unbend.report.match_figures import is_symmetry
 from unbend.report.pages import _document as parts
@@ -279,9 +280,10 @@ def _errors_of_vertices(
     forward = as_point_map(match)
     sources, images = (np.asarray(one) for one in truth[:2])
     counted = (forward[sources] >= 0) & (images >= 0)
+    joined, number = join_seams(source)
     errors = np.full(len(forward), np.nan)
-    errors[sources[counted]] = np.minimum(direct, 1.0)
-    ends = edge_ends(source.faces, len(forward))
+    errors[number[sources[counted]]] = np.minimum(direct, 1.0)
+    ends = edge_ends(joined.faces, len(forward))
     i, j = np.concatenate([ends, ends[:, ::-1]]).T
     for _ in range(_FILLED_RINGS):
         known = np.isfinite(errors)
@@ -289,4 +291,4 @@ def _errors_of_vertices(
         count = np.bincount(of, minlength=len(errors))
         mean = np.bincount(of, errors[near], len(errors)) / np.maximum(count, 1)
         errors = np.where(known | (count == 0), errors, mean)
-    return errors
+    return np.asarray(errors[number])

@@ -30,6 +30,7 @@ class Shown(NamedTuple):
     ids: IntArray  # (m,) vertices of the mesh that are shown, ascending
     faces: IntArray  # (f, 3) of the shown vertices
     stand_ins: IntArray  # (n,) shown vertex that stands for each of the mesh's; -1 for unused ones
+    n_places: int  # of the used vertices, those at a seam counted once
 
     @property
     def places(self) -> FloatArray:
@@ -44,13 +45,17 @@ class Shown(NamedTuple):
     @property
     def facts(self) -> list[str]:
         """Sentences on what is not shown."""
-        n, n_used = self.mesh.n_vertices, int((self.stand_ins >= 0).sum())
-        facts = []
-        if n_used < n:
-            facts.append(f"{plural(n - n_used, 'vertex')}, used by no face, not shown")
-        if len(self.ids) < n_used:
-            facts.append(f"{len(self.ids):,} of {n_used:,} vertices are drawn; all are computed on")
+        facts, n_unused = [], int((self.stand_ins < 0).sum())
+        if n_unused:
+            facts.append(f"{plural(n_unused, 'vertex')}, used by no face, not shown")
+        if self.is_thinned:
+            told = f"{len(self.ids):,} of {self.n_places:,} vertices are drawn"
+            facts.append(f"{told}; all are computed on")
         return facts
+
+    @property
+    def is_thinned(self) -> bool:
+        return len(self.ids) < self.n_places
 
     def packed(self) -> dict[str, Any]:
         """Pack positions, faces, and the numbers that the vertices have in the mesh."""
@@ -73,13 +78,13 @@ def show(mesh: Mesh, most: int = MOST_VERTICES) -> Shown:
     joined, number = join_seams(mesh)
     ids, corners = np.unique(joined.faces, return_inverse=True)
     faces, parents = corners.reshape(-1, 3).astype(np.int64), np.arange(len(ids))
-    kept = np.arange(len(ids))
-    if len(ids) > most:
+    kept, n_places = np.arange(len(ids)), len(ids)
+    if n_places > most:
         places = mesh.vertices[ids]
         kept, faces, parents = decimate(snap(places - places.mean(axis=0)), faces, most)
     stand_ins = np.full(mesh.n_vertices, -1)
     stand_ins[ids] = parents
-    return Shown(mesh, ids[kept], faces, stand_ins[number])
+    return Shown(mesh, ids[kept], faces, stand_ins[number], n_places)
 
 
 def checked_landmarks(

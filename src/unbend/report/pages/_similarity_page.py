@@ -100,11 +100,12 @@ def similarity_page(
     others = array[~np.eye(len(array), dtype=bool) & np.isfinite(array)]
     spread = "no pair is known"
     if len(others):
-        spread = f"{others.min():.4f} to {others.max():.4f} between different shapes"
+        ends = (_number_told(float(one)) for one in (others.min(), others.max()))
+        spread = f"{' to '.join(ends)} between different shapes"
     shades, low, high = array, float(others.min(initial=1.0)), 1.0
     if measure == "distance":  # what is alike is yellow
         shades, low, high = -array, -float(others.max(initial=0.0)), 0.0
-    if high - low < 1e-9:
+    if high - low <= 1e-9 * max(abs(low), abs(high)):
         low = high - 1
     cells = np.full((array.size, 4), 255)  # red, green, blue and opacity
     cells[:, :3] = value_colors(shades[np.ix_(order, order)].ravel(), limits=(low, high))
@@ -128,7 +129,8 @@ def similarity_page(
         ("dendrogram", "Ward's linkage; the most alike stand beside each other"),
         ("for display", said),
     ]
-    known = np.where(np.isfinite(array), array, -1.0)
+    largest = float(array[np.isfinite(array)].max(initial=0.0)) or 1.0
+    known = np.where(np.isfinite(array), array, -largest)
     shares = heights / max(float(heights.max()), 1e-300)
     return parts.make_page(
         title,
@@ -137,8 +139,8 @@ def similarity_page(
         {
             "shapes": packed,
             "measure": measure,
-            # A millionth of the largest apart; -1 where they are unknown.
-            "table": pack_places(known.reshape(-1, 1), max(float(known.max()), 1.0) * 1e-6),
+            # A millionth of the largest apart; below 0 where they are unknown.
+            "table": pack_places(known.reshape(-1, 1), 1e-6 * largest),
             "cells": pack_whole(cells),
             # What tells values apart.
             "digits": min(math.ceil(-math.log10((high - low) / 50)), 4),
@@ -227,7 +229,8 @@ def _heat_map(measure: str, least: float, most: float) -> str:
         measure.capitalize(),
         f'<canvas id="heat" tabindex="0" role="application" aria-label="{described}"></canvas>',
         parts.hint(
-            f'{measure} {least:.3f} <span class="scale viridis"></span> {most:.3f}. '
+            f'{measure} {_number_told(least)} <span class="scale viridis"></span> '
+            f"{_number_told(most)}. "
             "Point at a cell to read it, click it to see both shapes; or go from cell to cell with "
             "the arrow keys, and open both with Enter."
         ),
@@ -260,7 +263,7 @@ def _read_shapes(
         drawn = None
         if mesh.n_faces:
             shown = show(mesh, most)
-            thinned += int(len(shown.ids) < np.count_nonzero(shown.stand_ins >= 0))
+            thinned += shown.is_thinned
             drawn = {"places": pack_places(shown.places), "faces": pack_whole(shown.faces)}
         packed.append({"name": mesh.name, "told": facts, "drawn": drawn})
     said = "all shapes are drawn as they are"
@@ -307,5 +310,7 @@ def _cards(names: Sequence[str], chosen: Iterable[int], below: Sequence[str] = (
 
 
 def _number_told(value: float) -> str:
-    """Format a number that may be unknown."""
-    return f"{value:.4f}" if np.isfinite(value) else "unknown"
+    """Format a number that may be unknown, as the page does."""
+    if not np.isfinite(value):
+        return "unknown"
+    return f"{value:.4f}" if value == 0 or abs(value) >= 1e-3 else f"{value:#.4g}"

@@ -46,7 +46,7 @@ function showHeatMap(canvas, { shapes, table, cells, digits, order, tree }, pict
           const value = table[order[row] * n + order[column]], first = 4 * (row * n + column);
           const [r, g, b] = cells.subarray(first, first + 3);
           context.fillStyle = 0.3 * r + 0.59 * g + 0.11 * b > 125 ? "#000" : "#fff";
-          const told = value < 0 ? "?" : value.toFixed(places);
+          const told = Number.isNaN(value) ? "?" : value.toFixed(places);
           context.fillText(told, tall + (column + 0.5) * cell, top + (row + 0.5) * cell);
         }
       }

@@ -74,6 +74,7 @@ const row = (table, i) => [table[3 * i], table[3 * i + 1], table[3 * i + 2]];
 
 // A number without digits that are less than a ten-thousandth of a range.
 function rounded(x, range) {
+  if (range < 1e-15) return +x.toPrecision(5);
   return +x.toFixed(Math.max(0, Math.min(20, 4 - Math.floor(Math.log10(range || Math.abs(x) || 1)))));
 }
 

@@ -180,6 +180,7 @@ class View {
     gl.depthMask(false);
     share(disc, this.centre);
     for (const { mesh, vertex, tint } of [...this.landmarks, ...this.marks]) {
+      if (!mesh.used[vertex]) continue; // it has no place
       const { uniforms } = disc;
       gl.uniform3fv(uniforms.spot, row(mesh.positions, vertex).map((x, k) => x - this.centre[k]));
       gl.uniform3fv(uniforms.tint, tint);
@@ -254,6 +255,7 @@ class View {
     const project = this.projection();
     least = NEAREST;
     for (let i = 0; i < p.length; i += 3) {
+      if (!mesh.used[i / 3]) continue;
       const [right, down] = project(p[i], p[i + 1], p[i + 2]);
       const apart = Math.hypot(right - (clientX - box.left), down - (clientY - box.top));
       if (apart < least) [best, least] = [i / 3, apart];
@@ -265,9 +267,9 @@ class View {
     const { canvas } = this, held = new Map();
     let moved = 0;
     canvas.addEventListener("pointerdown", (event) => {
+      moved = held.size ? Infinity : 0; // two fingers never click
       held.set(event.pointerId, event);
       canvas.setPointerCapture(event.pointerId);
-      moved = 0;
     });
     canvas.addEventListener("pointermove", (event) => {
       const before = held.get(event.pointerId);
@@ -294,7 +296,7 @@ class View {
     });
     const release = (event) => {
       const still = moved < (event.pointerType === "touch" ? 12 : 4); // fingers tremble
-      const clicked = held.delete(event.pointerId) && still && event.type === "pointerup";
+      const clicked = held.delete(event.pointerId) && still && event.type === "pointerup" && !event.button;
       if (clicked) this.pointed(this.vertexAt(event.clientX, event.clientY), true);
     };
     canvas.addEventListener("pointerup", release);

@@ -2,6 +2,7 @@
 
 start(async (data) => {
   const { shapes, measure } = data, n = shapes.length;
+  data.table &&= data.table.map((value) => (value < 0 ? NaN : value));
   const readout = part("readout"), hint = readout.textContent;
   const names = ["first", "second"], choices = names.map((name) => part(`${name}-choice`));
   const camera = new Camera(), chosen = [0, 0];
@@ -36,10 +37,11 @@ start(async (data) => {
   function valueOf(i, j) {
     if (data.table) return data.table[i * n + j];
     const value = i === 0 ? data.values[j] : j === 0 ? data.values[i] : undefined;
-    return value === null ? -1 : value;
+    return value === null ? NaN : value;
   }
   function tell(i, j) {
-    const value = valueOf(i, j), known = value >= 0 ? value.toFixed(4) : "unknown";
+    const value = valueOf(i, j), small = value && Math.abs(value) < 1e-3;
+    const known = Number.isNaN(value) ? "unknown" : small ? value.toPrecision(4) : value?.toFixed(4);
     const told = i === j || value === undefined ? "" : `: ${measure} ${known}`;
     readout.textContent = `${shapes[i].name} \u2194 ${shapes[j].name}${told}`;
   }
@@ -61,7 +63,7 @@ start(async (data) => {
   // The one that is most like another.
   function nearest(i) {
     const sign = measure === "similarity" ? 1 : -1;
-    const likeness = (j) => (j === i || valueOf(i, j) < 0 ? -Infinity : sign * valueOf(i, j));
+    const likeness = (j) => (j === i || Number.isNaN(valueOf(i, j)) ? -Infinity : sign * valueOf(i, j));
     return [...shapes.keys()].reduce((best, j) => (likeness(j) > likeness(best) ? j : best), i ? 0 : 1);
   }
   function bringIntoView() {

@@ -52,8 +52,9 @@ class Surface {
     Object.assign(this, {
       positions, faces, tint, normals: normalsOf(positions, faces), place: place || new Float32Array(3 * n),
       value: value || new Float32Array(n), known: known || new Float32Array(n).fill(1),
-      origin: row(positions, 0), copy: null,
+      origin: row(positions, 0), copy: null, used: new Uint8Array(n),
     });
+    for (const vertex of faces) this.used[vertex] = 1;
   }
 
   // Change a column: positions, place, value or known.

@@ -89,8 +89,10 @@ start(async ({ shapes, landmarks: given }) => {
   }
 
   function place(side, vertex) {
-    const number = shapes[side].number(vertex), { name } = landmarks.place(side, number);
-    say(`Landmark ${name} placed on ${shapes[side].name}, vertex ${number}.`);
+    const number = shapes[side].number(vertex), there = landmarks.list.find(({ at }) => at[side] === number);
+    if (there) landmarks.selected = there; // as of a double click
+    const { name } = there || landmarks.place(side, number);
+    say(there ? `Landmark ${name} is at ${shapes[side].name}, vertex ${number}, already.` : `Landmark ${name} placed on ${shapes[side].name}, vertex ${number}.`);
   }
 
   function remove(one) {
