@@ -68,7 +68,7 @@ SOUP = unbend.Mesh(
 )
 EVERY = np.arange(N)
 RAGGED = [[1, 2], [3]]
-MATCH = unbend.Match(EVERY, EVERY, np.eye(4), 1.0, 0.0, 1.0)
+MATCH = unbend.Match(EVERY, EVERY, np.eye(4), 1.0, 1.0)
 # The same vertices and more: every vertex that a map onto BALL names is there.
 LARGER = unbend.Mesh(np.vstack([BALL.vertices, [[2, 2, 2]]]), BALL.faces, name="larger")
 FORM = unbend.canonical_form(BALL)

@@ -106,7 +106,7 @@ def _pages(name: str) -> Iterator[str]:
     ball = make_sphere(1)
     mesh = Mesh(ball.vertices * (1, 1.2, 1.5), ball.faces, name=name)
     every = np.arange(mesh.n_vertices)
-    found = Match(every, every, np.eye(3), 1.0, 0.0, 1.0)
+    found = Match(every, every, np.eye(3), 1.0, 1.0)
     command = f"unbend match {name} {name}"
     yield view(mesh, mesh).html
     yield form_page(mesh, canonical_form(mesh), command=command).html

@@ -184,7 +184,7 @@ def test_scalars_and_labels_written_to_ply_are_values_again(folder: Path) -> Non
 @pytest.mark.parametrize("suffix", [".npy", ".csv", ".txt", ".ply"])
 def test_labels_that_a_program_stored_as_floats_stay_labels(folder: Path, suffix: str) -> None:
     torn = np.where(SAME < 9, -1, SAME)
-    write_match("map.npz", Match(torn, torn, np.eye(3), 1.0, 0.0, 1.0))
+    write_match("map.npz", Match(torn, torn, np.eye(3), 1.0, 1.0))
     write_values(f"parts{suffix}", np.where(SAME < 100, 3.0, 7.0), SOURCE)
     for given, out in (("parts", "out"), ("out", "again")):  # what was carried is carried again
         line = ["transfer", "a.ply", "b.ply", "--map", "map.npz", "--values", given + suffix]
@@ -282,7 +282,7 @@ def test_landmarks_without_a_partner_are_named_and_not_counted(folder: Path) -> 
 
 
 def test_a_map_of_other_meshes_is_refused(folder: Path) -> None:
-    found = Match(SAME, SAME, np.eye(3), 1.0, 0.0, 0.55)
+    found = Match(SAME, SAME, np.eye(3), 1.0, 0.55)
     write_match("map.npz", found, source=SOURCE, target=TARGET)
     right("register", "a.obj", "b.ply", "--map", "map.npz", "-o", "out.ply")
     # The same mesh, turned, or with one component chosen, is no other one.
@@ -308,7 +308,7 @@ def test_a_map_that_leaves_vertices_of_the_target_out_is_told(folder: Path) -> N
     told = "200 of 600 vertices of b.ply are the partner of no vertex of part.ply"
     assert told in right(*given, "part.csv").stderr
     torn = np.where(SAME < 400, SAME, -1)
-    write_match("part.npz", Match(SAME[:400], torn, np.eye(3), 1.0, 0.0, 1.0))
+    write_match("part.npz", Match(SAME[:400], torn, np.eye(3), 1.0, 1.0))
     assert told not in right(*given, "part.npz").stderr
     given = ["transfer", "a.ply", "b.ply", "--values", "map.npy", "-o", "out.npy"]
     assert "image of none" not in right(*given, "--map", "map.npy").stderr

@@ -83,7 +83,7 @@ SCHEMA: dict[str, dict[str, Any]] = {
     },
     "match a.ply b.ply --no-refine --n-matches 2 --no-cache": {
         "source": str, "target": str, "n_source": int, "n_target": int, "n_matched": int, **WAY,
-        "residual": MAYBE, "mirror_fits": bool, "missed_landmarks": [int], "hypotheses": [dict],
+        "area_ratio": MAYBE, "mirror_fits": bool, "missed_landmarks": [int], "hypotheses": [dict],
         "alternatives": [WAY], "expected_error": EXPECTED,
     },
     "symmetry a.ply --no-refine --no-cache": {

@@ -221,7 +221,7 @@ def test_a_map_in_disorder_is_said_by_whatever_uses_it(folder: Path, tmp_path: P
 
 def test_doubt_is_said(capsys: pytest.CaptureFixture[str]) -> None:
     every = np.arange(5)
-    poor = Match(every, every, np.eye(1), 1.0, 0.0, 0.59)
+    poor = Match(every, every, np.eye(1), 1.0, 0.59)
     for confidence in (0.9, 0.5999, float("nan")):  # 0.5999 is shown as 0.60
         warn_if_doubtful(replace(poor, confidence=confidence))
     assert capsys.readouterr().err == ""

@@ -97,7 +97,7 @@ def test_it_matches_where_no_map_is_given(folder: Path, monkeypatch: pytest.Monk
 
     def match(source: Mesh, target: Mesh, *, progress: object, **options: object) -> Match:
         asked.append((source.n_vertices, target.n_vertices, options))
-        return Match(torn.image, np.flatnonzero(torn.image >= 0), np.eye(2), 1.0, 0.1, 0.9)
+        return Match(torn.image, np.flatnonzero(torn.image >= 0), np.eye(2), 1.0, 0.9)
 
     monkeypatch.setattr("unbend.match", match)
     given = ["register", "egg.ply", "torn.ply", "--landmarks", "hints.csv"]
@@ -116,7 +116,7 @@ def test_it_matches_where_no_map_is_given(folder: Path, monkeypatch: pytest.Monk
 def test_it_warns_of_a_doubtful_match(folder: Path) -> None:
     truth = np.load("map.npy")
     back = np.zeros(read_mesh("scan.ply").n_vertices, dtype=np.int64)
-    write_match("map.npz", Match(truth, back, np.eye(2), 0.5, 0.1, 0.25))
+    write_match("map.npz", Match(truth, back, np.eye(2), 0.5, 0.25))
     done = run("register", "template.ply", "scan.ply", "--map", "map.npz", "-o", "out.stl")
     assert "warning: the match is doubtful (confidence 0.25)" in done.stderr
     assert "confidence       0.25, of the match" in done.stdout

@@ -68,7 +68,6 @@ def _match() -> Arrays:
         target_to_source=rows,
         functional_map=np.eye(5),
         orientation=1.0,
-        residual=0.0,
         confidence=0.9,
     )
     return _arrays_of(found)
@@ -101,7 +100,7 @@ def _arrays() -> Iterator[tuple[str, Callable[[Arrays], Arrays], str]]:
     half = np.full((_N, 3), 1 / 2)
     yield "match, lacking the map", lambda all_: {"confidence": np.array(1.0)}, "holds no source_to"
     yield "match, a member pickled", _with(source_to_target=np.array([{}] * _N)), "not numbers or"
-    yield "match, code in a header", _with(residual=_code()), "its residual: not a NumPy"
+    yield "match, code in a header", _with(confidence=_code()), "its confidence: not a NumPy"
     yield "match, a member that is no array", _with(confidence=b"0.9"), "its confidence: not a"
     yield (
         "match, a vertex that is not there",
@@ -117,7 +116,7 @@ def _arrays() -> Iterator[tuple[str, Callable[[Arrays], Arrays], str]]:
     yield "match, an orientation of 7", _with(orientation=np.array(7.0)), "not from -1 to 1"
     yield "match, a confidence of -1", _with(confidence=np.array(-1.0)), "not from 0 to 1"
     yield "match, a confidence in words", _with(confidence=np.array("high")), "its confidence is <U"
-    yield "match, a residual of infinity", _with(residual=np.array(np.inf)), "not finite"
+    yield "match, a disorder of infinity", _with(disorder=np.array(np.inf)), "not finite"
     yield "match, weights without faces", _with(weights=half), "mean nothing without faces"
     yield "match, weights of sum 1.5", _with(weights=half, faces=rows), "its weights in row 0"
     yield "match, hypotheses of two columns", _with(hypotheses=half[:, :2]), "its hypotheses"

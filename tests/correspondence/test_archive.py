@@ -20,7 +20,6 @@ RIGHT = Match(
     target_to_source=np.array([1, 0]),
     functional_map=np.eye(2),
     orientation=0.7,
-    residual=0.1,
     confidence=0.9,
     hypotheses=(Hypothesis(-2.0, 0.7), Hypothesis(-1.5, 0.4, 0.25)),
     faces=np.array([0, 0, -1]),
@@ -29,7 +28,7 @@ RIGHT = Match(
     overlap_target=0.9,
     expected_error=np.array([0.01, 0.2, np.nan]),
 )
-BARE = Match(np.array([0]), np.array([0]), np.eye(1), 0.0, 0.0, 0.0)
+BARE = Match(np.array([0]), np.array([0]), np.eye(1), 0.0, 0.0)
 
 SEVERAL = replace(
     RIGHT,
@@ -114,8 +113,8 @@ def test_what_is_no_match_is_refused(tmp_path: Path) -> None:
         ("landmark_hints", np.array([3])),  # the source has three vertices
         ("hypotheses", np.array([[-2.0, 0.7, 0], [-1.0, -1.5, 0]])),
         ("hypotheses", np.array([[-2.0, 0.7, 0], [-1.0, 1.5, 0]])),
-        ("residual", np.array(-0.1)),
-        ("residual", np.array(np.inf)),
+        ("area_ratio", np.array(-0.1)),
+        ("area_ratio", np.array(np.inf)),
         ("hypotheses", np.zeros(3)),
         ("hypotheses", np.zeros((2, 2))),
         ("hypotheses", np.array([["a", "b"]])),
@@ -146,7 +145,7 @@ def test_wrong_arrays_are_named(tmp_path: Path, name: str, value: np.ndarray) ->
 @pytest.mark.parametrize(
     ("name", "value", "sentence"),
     [
-        ("residual", np.zeros(3), r"float64 of shape \(3,\), not a number"),
+        ("orientation", np.zeros(3), r"float64 of shape \(3,\), not a number"),
         ("functional_map", np.zeros(3), "not a table of 2 dimensions"),
         ("weights", np.array([[1, 0, 0], [-1, 2, 0], [np.nan] * 3]), "row 1 cannot go with face 0"),
     ],
@@ -201,7 +200,7 @@ def test_what_is_large_may_not_be_packed_too_small(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path, many = tmp_path / "match.npz", np.zeros(200_000, dtype=np.int64)
-    write_match(path, Match(many, many, np.eye(1), 0.0, 0.0, 0.0))
+    write_match(path, Match(many, many, np.eye(1), 0.0, 0.0))
     assert path.stat().st_size < many.nbytes / 200
     np.testing.assert_array_equal(read_match(path).source_to_target, many)  # not large
     monkeypatch.setattr(_archive, "_ALWAYS_ALLOWED", 0)
@@ -243,7 +242,7 @@ def test_two_poses_that_are_exchanged_are_refused(tmp_path: Path) -> None:
     path, (one, other) = tmp_path / "match.npz", (Mesh(np.eye(3) * size) for size in (1, 2))
     names = {"source": Mesh(one.vertices, name="a"), "target": Mesh(other.vertices, name="b")}
     same = np.arange(3)
-    write_match(path, Match(same, same, np.eye(1), 1.0, 0.0, 1.0), source=one, target=other)
+    write_match(path, Match(same, same, np.eye(1), 1.0, 1.0), source=one, target=other)
     assert (read_match(path, **names).source_to_target == same).all()
     with pytest.raises(FileError, match=r"match\.npz: maps a to b: exchange source and target"):
         read_match(path, source=names["target"], target=names["source"])

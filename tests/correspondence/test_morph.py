@@ -124,7 +124,7 @@ def test_an_unused_vertex_holds_no_component() -> None:
 def test_smaller_components_of_a_match_keep_their_form_beside_what_is_nearest(t: float) -> None:
     body, pose = (make_quadruped(one, n_vertices=1000).mesh for one in ("standing", "galloping"))
     whole = add_components(body, eyeballs=2, cloth=0, random_state=0)
-    matched = Match(whole.origin, np.arange(1000), np.eye(1), 1.0, 0.0, 1.0)
+    matched = Match(whole.origin, np.arange(1000), np.eye(1), 1.0, 1.0)
     alone = morph(body, pose, np.arange(1000), t).vertices
     found = morph(whole.mesh, pose, matched, t).vertices
     np.testing.assert_allclose(found[:1000], alone, atol=3e-3)

@@ -276,7 +276,7 @@ def test_parts_without_a_partner_stay_where_they_belong(matched: bool) -> None:
     images = np.append(_truth(), np.full(len(eyes), -1))
     # In a match, smaller components have the partners of what is nearest to them.
     back = np.zeros(_scan().mesh.n_vertices, dtype=np.int64)
-    found = Match(_truth()[whole.origin], back, np.eye(1), 1.0, 0.0, 1.0)
+    found = Match(_truth()[whole.origin], back, np.eye(1), 1.0, 1.0)
     found = register(whole.mesh, _scan().mesh, found if matched else images).mesh.vertices
     for eye in (eyes[:42], eyes[42:]):  # each as round and as far from its place as before
         center, before = found[eye].mean(axis=0), whole.mesh.vertices[eye].mean(axis=0)
@@ -297,7 +297,7 @@ def test_a_part_of_more_vertices_than_the_matched_body_goes_along() -> None:
     assert ball.n_vertices > N
     images = np.append(_truth(), np.full(len(button), -1))
     back = np.zeros(scan.n_vertices, dtype=np.int64)
-    found = register(template, scan, Match(images, back, np.eye(1), 1.0, 0.0, 1.0)).mesh.vertices
+    found = register(template, scan, Match(images, back, np.eye(1), 1.0, 1.0)).mesh.vertices
     size = np.ptp(found[:N], axis=0).max() / np.ptp(template.vertices[:N], axis=0).max()
     radii = np.linalg.norm(found[N:] - found[N:].mean(axis=0), axis=1)
     np.testing.assert_allclose(radii, 0.02 * size, rtol=0.25)
@@ -361,7 +361,7 @@ def test_a_reflection_turns_the_source_inside_out_with_a_warning() -> None:
     ball = make_sphere(1)
     image = (ball.vertices * [-1, 1, 1], ball.faces[:, ::-1])
     every = np.arange(ball.n_vertices)
-    reflection = Match(every, every, np.eye(1), -1.0, 0.0, 1.0)
+    reflection = Match(every, every, np.eye(1), -1.0, 1.0)
     with pytest.warns(UnbendWarning, match="is turned inside out: mirror it"):
         register(ball, image, reflection)
     with pytest.warns(UnbendWarning, match="is turned inside out: mirror it"):

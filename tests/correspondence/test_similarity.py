@@ -16,7 +16,7 @@ from unbend.mesh import vertex_areas
 
 
 def _match(forward, backward) -> Match:
-    return Match(np.asarray(forward), np.asarray(backward), np.eye(1), 1.0, 0.0, 1.0)
+    return Match(np.asarray(forward), np.asarray(backward), np.eye(1), 1.0, 1.0)
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -116,6 +116,7 @@ def test_vertices_without_a_partner_do_not_count() -> None:
 def test_what_does_not_fit(blob: Mesh) -> None:
     form = canonical_form(blob)
     geodesic = replace(form, distance="geodesic")
+    slow = replace(form, distance="diffusion", time=0.5)
     every = np.arange(blob.n_vertices)
     small = Mesh(blob.vertices[:-1], blob.faces[(blob.faces < 641).all(axis=1)])
     for arguments, options, sentence in (
@@ -123,6 +124,7 @@ def test_what_does_not_fit(blob: Mesh) -> None:
         ((form, form), {"n_components": 4}, "compute it with n_components=4"),
         ((form, geodesic), {}, "biharmonic distance, uniform .* geodesic distance, uniform"),
         ((form, blob), {"distance": "geodesic"}, "geodesic distance"),
+        ((slow, blob), {"distance": "diffusion"}, r"at time 0\.1, .* at time 0\.5"),
         (
             (form, blob),
             {"weighting": "area", "areas": (every + 1, every + 1)},

@@ -20,9 +20,7 @@ PERMUTATION = st.integers(1, 20).flatmap(lambda n: st.permutations(range(n)))
 
 
 def _match(forward, backward, faces=None, weights=None) -> Match:
-    return Match(
-        np.asarray(forward), np.asarray(backward), np.eye(1), 1.0, 0.0, 1.0, (), faces, weights
-    )
+    return Match(np.asarray(forward), np.asarray(backward), np.eye(1), 1.0, 1.0, (), faces, weights)
 
 
 def _identity(mesh: Mesh) -> Match:

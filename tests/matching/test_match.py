@@ -53,7 +53,6 @@ def test_itself_is_the_identity(blob: Mesh) -> None:
     assert (found.source_to_target == every).all()
     assert (found.target_to_source == every).all()
     assert found.orientation > 0.9
-    assert found.residual < 1e-3
     assert found.confidence > 0.9
     np.testing.assert_allclose(found.functional_map, np.eye(30), atol=1e-9)
     np.testing.assert_allclose(found.weights.sum(axis=1), 1)

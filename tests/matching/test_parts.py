@@ -11,10 +11,10 @@ from animals import person
 from sheets import make_sheet
 from testshapes.damage import cut, cut_discs, damaged_truth, keep
 from testshapes.scanning import add_components
-from unbend import evaluate, match
+from unbend import Mesh, evaluate, match
 from unbend._types import IntArray
 from unbend.datasets import Shape as ShapeWithTruth
-from unbend.datasets import make_octopus, rest_map
+from unbend.datasets import make_biped, make_octopus, make_sphere, rest_map
 from unbend.errors import UnbendWarning
 from unbend.matching import _constants as constants
 from unbend.matching import _inputs
@@ -27,7 +27,7 @@ from unbend.matching._registration import (
     limited,
     register,
 )
-from unbend.mesh import vertex_areas
+from unbend.mesh import find_components, vertex_areas
 from unbend.report import match_page
 
 N = 500
@@ -275,3 +275,38 @@ def test_small_components_go_along() -> None:
         turned = match(_target().mesh, whole.mesh)
     assert (turned.source_to_target < N).all()
     assert (turned.target_to_source[eyes] >= 0).all()
+
+
+def test_distances_are_in_units_of_all_of_the_target() -> None:
+    body, ball = _target().mesh, make_sphere(2)
+    size = 3 * np.sqrt(vertex_areas(body).sum() / vertex_areas(ball).sum())
+    both = Mesh(
+        np.vstack([body.vertices, size * ball.vertices + 100]),
+        np.vstack([body.faces, ball.faces + body.n_vertices]),
+    )
+    alone = match(_source().mesh, body)
+    with pytest.warns(UnbendWarning, match="its largest component is matched"):
+        found = match(_source().mesh, both)
+    np.testing.assert_array_equal(found.source_to_target, alone.source_to_target)
+    smaller = np.sqrt(0.1)
+    np.testing.assert_allclose(found.expected_error, smaller * alone.expected_error, rtol=1e-6)
+    for one, other in zip(found.hypotheses, alone.hypotheses, strict=True):
+        assert one.difference == pytest.approx(smaller * other.difference)
+
+
+@pytest.mark.filterwarnings("ignore:.*its largest component is matched")
+def test_a_landmark_without_partner_is_told() -> None:
+    """It lies on another component, and the map leaves out what that hangs on."""
+    one, other = make_biped("running", n_vertices=1000), make_biped("sitting", n_vertices=1100)
+    along = other.mesh.vertices[:, np.ptp(other.mesh.vertices, axis=0).argmax()]
+    left = (along > np.quantile(along, 0.4))[other.mesh.faces].all(axis=1)
+    ids, faces = np.unique(other.mesh.faces[left], return_inverse=True)
+    torn = Mesh(other.mesh.vertices[ids], faces.reshape(-1, 3))
+    components = find_components(torn.faces, torn.n_vertices)
+    truth = rest_map(one, other)
+    source = int(np.flatnonzero(np.isin(truth, ids[components.of_vertex == 1]))[0])
+    vertex = int(np.searchsorted(ids, truth[source]))
+    with pytest.warns(UnbendWarning, match=f"at vertices {source} and {vertex} is ignored"):
+        found = match(one.mesh, torn, landmarks=[(source, vertex)], partial="target", refine=False)
+    assert found.source_to_target[source] == -1
+    assert found.missed_landmarks == (0,)

@@ -97,7 +97,7 @@ def test_shapes_of_very_different_resolution_are_not_crowded() -> None:
 def test_what_uses_a_match_in_disorder_says_so() -> None:
     sheet = make_sheet(5)
     every = np.arange(25)
-    poor = Match(every, every, np.eye(1), 0.68, 0.0, 0.1, confidence_bound=0.1)
+    poor = Match(every, every, np.eye(1), 0.68, 0.1, confidence_bound=0.1)
     with pytest.warns(UnbendWarning, match=r"orientation \+0.68, confidence at most 0.10"):
         transfer(np.arange(25.0), poor, target=sheet)
     with pytest.warns(UnbendWarning, match="part of the map is wrong"):

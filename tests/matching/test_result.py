@@ -7,7 +7,7 @@ import pytest
 
 from unbend.matching import Match
 
-WHOLE = Match(np.array([1, 0, 1]), np.array([1, 0]), np.eye(2), 0.7, 0.1, 0.9)
+WHOLE = Match(np.array([1, 0, 1]), np.array([1, 0]), np.eye(2), 0.7, 0.9)
 
 
 @pytest.mark.parametrize(

@@ -54,7 +54,7 @@ def test_a_symmetric_shape_is_drawn_twice_from_one_side(drawn: list) -> None:
     # Closest to its mirror image among all rotated copies of a wide body is one turned about.
     body = make_biped("standing", n_vertices=600)
     wide = Mesh(body.mesh.vertices * [3, 1, 1], body.mesh.faces)
-    found = Match(body.mirror, body.mirror, np.eye(2), -1.0, 0.1, 0.9)
+    found = Match(body.mirror, body.mirror, np.eye(2), -1.0, 0.9)
     draw_match(wide, wide, found, "any.png")
     pictures = [np.asarray(ax.get_images()[0].get_array()) for ax in drawn[0].get_axes()[:2]]
     np.testing.assert_array_equal(*(one[..., 3] for one in pictures))  # where it is drawn
@@ -107,7 +107,7 @@ def test_drawing_does_not_warn_of_a_map_in_disorder(
 ) -> None:
     monkeypatch.setitem(new_figure.__kwdefaults__, "dpi", 30)
     every = np.arange(642)
-    wrong = Match(every, every, np.eye(3), 1.0, 0.0, 0.2, confidence_bound=0.3)
+    wrong = Match(every, every, np.eye(3), 1.0, 0.2, confidence_bound=0.3)
     with pytest.warns(UnbendWarning, match="part of the map is wrong"):
         transfer(every, wrong)
     ours, theirs = match_colors(blob, blob, wrong)  # warnings are errors

@@ -40,7 +40,7 @@ def things(blob):
         ("points", "642"),
         ("form", "642 points in 3 dimensions"),
         ("flat form", "642 points in 2 dimensions"),
-        ("match", "leaves 30.0% of the shapes unexplained"),
+        ("match", "energy 30.0%"),
         ("evaluation", "vertex-min"),
     ],
 )

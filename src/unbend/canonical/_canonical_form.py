@@ -60,6 +60,8 @@ class CanonicalForm(Brief):
         exact distances d: 0 for a perfect embedding. Other vertices may give a third more or less.
     distance, method, weighting, laplacian : str
         What was used, never ``"auto"``; `method` is ``"exact"`` or ``"sampled"``.
+    time : float or None
+        Of diffusion distances.
     area : float
         Of the input, in its own squared units of length.
     notes : tuple of str
@@ -75,6 +77,7 @@ class CanonicalForm(Brief):
     method: str
     weighting: str
     laplacian: str
+    time: float | None
     area: float
     notes: tuple[str, ...]
     seconds: dict[str, float]
@@ -323,6 +326,7 @@ def _form(
         method=method,
         weighting=options.weighting,
         laplacian=surface.operator.kind,
+        time=options.time if options.distance == "diffusion" else None,
         area=surface.area,
         notes=surface.prepared.notes + notes,
         seconds=steps.seconds,

@@ -138,7 +138,7 @@ def match(
             "n_source": len(found.source_to_target),
             "n_target": len(found.target_to_source),
             "n_matched": int((found.source_to_target >= 0).sum()),
-            **output.fields_of(found, *_MEASURES, "residual"),
+            **output.fields_of(found, *_MEASURES),
             "expected_error": {"median": median, "within_95": within_95},
             **output.fields_of(
                 found, "area_ratio", "mirror_fits", "missed_landmarks", "hypotheses"

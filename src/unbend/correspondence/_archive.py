@@ -38,7 +38,6 @@ _Arrays = dict[str, npt.NDArray[Any]]
 _REQUIRED = tuple(one.name for one in fields(Match) if one.default is MISSING)
 _RANGES = {
     "orientation": (-1, 1),
-    "residual": (0, np.inf),
     "confidence": (0, 1),
     "overlap_source": (0, 1),
     "overlap_target": (0, 1),

@@ -11,7 +11,7 @@ from unbend._arrays import check_choice, check_whole, numbers_of
 from unbend._types import FloatArray, IntArray
 from unbend.canonical import CanonicalForm, canonical_form, sampled_canonical_form
 from unbend.choices import DistanceKind, Weighting
-from unbend.distances import GEODESIC
+from unbend.distances import GEODESIC, diffusion_time
 from unbend.errors import InputError
 from unbend.io import as_mesh, checked_map
 from unbend.matching import Match
@@ -48,7 +48,7 @@ def similarity(
     weighting : {"auto", "uniform", "area"}, default="auto"
         Whether vertices count equally or by their area, both in the canonical forms of meshes and
         in the cosine. ``"auto"``: by area with a match, since its shapes may be meshed differently,
-        and with `areas`; otherwise equally, as in the paper.
+        and with `areas`; otherwise equally, as in the paper. Forms that are given stay as they are.
     areas : ((n_model,), (n_probe,)) arrays_like of float, optional
         Vertex areas, needed only where vertices count by area and a form is given.
 
@@ -61,7 +61,7 @@ def similarity(
     ------
     InputError
         If the numbers of vertices differ and there is no match, or something does not fit, such as
-        forms by different distances or weightings.
+        forms by different distances, diffusion times or weightings.
     MeshError
         If a mesh cannot be used; the message names the vertex or face.
 
@@ -94,15 +94,11 @@ def similarity(
     if weighting == "auto":
         weighting = "uniform" if match is None and areas is None else "area"
     shapes = [one if isinstance(one, CanonicalForm) else as_mesh(one) for one in (model, probe)]
-    kinds = {
-        (distance, weighting) if isinstance(one, Mesh) else (one.distance, one.weighting)
-        for one in shapes
-    }
+    kinds = {_kind(one, distance, weighting) for one in shapes}
     if len(kinds) > 1:
-        one, other = (" distance, ".join(kind) for kind in sorted(kinds))
+        one, other = sorted(kinds)
         raise InputError(
-            f"a form by {one} weighting cannot be compared with one by {other} weighting; compute "
-            "both alike"
+            f"a form by {one} cannot be compared with one by {other}; compute both alike"
         )
     left, right = (_points(one, n_components, distance, weighting) for one in shapes)
     if weighting == "area":
@@ -114,6 +110,15 @@ def similarity(
         masses = [np.full(len(points), 1 / len(points)) for points in (left, right)]
     rows, columns, weights = _pairs(match, *masses)
     return aligned_cosine(left[rows], right[columns], weights)
+
+
+def _kind(shape: CanonicalForm | Mesh, distance: str, weighting: str) -> str:
+    """Say how a form was made, or will be."""
+    time = diffusion_time(distance, None) if distance == "diffusion" else None
+    if isinstance(shape, CanonicalForm):
+        distance, weighting, time = shape.distance, shape.weighting, shape.time
+    at = "" if time is None else f" at time {time:.6g}"
+    return f"{distance} distance{at}, {weighting} weighting"
 
 
 def aligned_cosine(source: FloatArray, target: FloatArray, weights: FloatArray) -> float:

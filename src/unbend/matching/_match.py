@@ -84,7 +84,7 @@ def match(
     partial : {"auto", "none", "source", "target", "both"}, default="auto"
         Which shape may lack what the other one has. That gets no partner, -1: what lies beyond a
         boundary, where a shape was torn, cut off or seen from one side; and, on closed shapes too,
-        a part of 8 to 50 % of the area that is unlike everything on the other shape.
+        parts of 8 to 50 % of the area in all that are unlike everything on the other shape.
         ``"auto"`` is ``"both"``, but regions beyond a boundary of less than 3 % of the area are
         ignored. With ``"none"`` every vertex has a partner.
     landmarks : (l, 2) array_like of int, or mapping of str to such pairs, optional

@@ -12,7 +12,7 @@ from unbend._types import FloatArray, IntArray
 from unbend.deformation import closest_faces
 from unbend.matching._inputs import Input, expand, expand_rows
 from unbend.matching._plan import MEDIUM, Sides, mean_differences
-from unbend.matching._registration import Registered, landing_places, spectral_residual
+from unbend.matching._registration import Registered, landing_places
 from unbend.matching._result import Hypothesis, Match
 from unbend.matching._score import (
     Candidate,
@@ -58,6 +58,8 @@ def make_match(
     confidence = min(alike_share(shares, means) * plausible, bound)
     ratio = _area_ratio(ours, theirs, forward, backward) if sides.partial else 1.0
     confidence = in_one_unit(confidence, ratio)
+    scale = np.sqrt(theirs.surface.area / theirs.areas.sum())  # below 1 of several components
+    lost = ~there[left.landmarks] | ~registered.target.overlap[right.landmarks]
     elsewhere = (shares @ apart)[source.parents]
     errors = expected_errors(left, right, chosen, elsewhere, 1 - confidence)
     # Beyond what the matcher knows, the next vertex of a coarse mesh may be far.
@@ -67,7 +69,6 @@ def make_match(
         target_to_source=backward,
         functional_map=_functional_map(left, right, registered.forward, left.areas * there),
         orientation=_orientation(chosen),
-        residual=spectral_residual(left, right, registered),
         confidence=confidence,
         overlap_source=_share_matched(ours, forward),
         overlap_target=_share_matched(theirs, backward),
@@ -76,10 +77,10 @@ def make_match(
         disorder=in_disorder,
         hypotheses=tuple(
             Hypothesis(one.energy, _orientation(one), mean)
-            for one, mean in zip(ranks, means.tolist(), strict=True)
+            for one, mean in zip(ranks, (scale * means).tolist(), strict=True)
         ),
-        missed_landmarks=tuple(np.flatnonzero(chosen.missed).tolist()),
-        expected_error=expand_rows(errors, ours, np.nan) + ours.away,
+        missed_landmarks=tuple(np.flatnonzero(chosen.missed | lost).tolist()),
+        expected_error=scale * (expand_rows(errors, ours, np.nan) + ours.away),
     )
 
 
@@ -167,7 +168,7 @@ def _share_matched(given: Input, images: IntArray) -> float:
 def _area_ratio(ours: Input, theirs: Input, forward: IntArray, backward: IntArray) -> float:
     """Area of what has a partner on the target, by that on the source, in units of the meshes."""
     source, target = ours.areas[forward >= 0].sum(), theirs.areas[backward >= 0].sum()
-    return float(target / max(source, np.finfo(float).tiny))
+    return float(target / source) if min(source, target) > 0 else 1.0
 
 
 def _orientation(one: Candidate) -> float:

@@ -338,21 +338,3 @@ def _lifted(pose: Pose, proxy: Proxy, shape: Shape) -> Pose:
     places = pose.places[parents] + pose.size * np.einsum("nij,nj->ni", rotations, offsets)
     extra = np.broadcast_to(pose.extra, len(pose.places))[parents]
     return Pose(places, rotations, pose.overlap[parents], pose.size, extra)
-
-
-def spectral_residual(source: Shape, target: Shape, found: Registered) -> float:
-    """Symmetric residual over samples of the spectral forms that the maps align, 0 to about 1.
-
-    Samples without a partner do not count; 1 if none has one.
-    """
-    k = min(source.k, target.k)
-    ours, theirs = source.samples, target.samples
-    ours, theirs = ours[found.source.overlap[ours]], theirs[found.target.overlap[theirs]]
-    if not len(ours) or not len(theirs):
-        return 1.0
-    rows = np.concatenate([ours, found.backward[theirs]])
-    images = np.concatenate([found.forward[ours], theirs])
-    left, _, right = np.linalg.svd(source.basis[rows, :k].T @ target.basis[images, :k])
-    weights = spectral_weights(source.eigenvalues, target.eigenvalues, k)
-    aligned = source.basis[ours, :k] @ (left @ right) * weights
-    return float(nearest_pairs(aligned[None], target.basis[theirs, :k] * weights).residual[0])

@@ -23,7 +23,8 @@ class Hypothesis:
     ----------
     energy : float
         Share of the surfaces' local shape that the map's turned patches leave unexplained, both
-        directions, on coarse copies; lower is better.
+        directions, on coarse copies, and 0.06 times minus the logarithm of either share of the area
+        that has a partner; lower is better.
     orientation : float
         Share of the surface that is kept right side out, less the rest: -1 to 1.
     difference : float
@@ -53,14 +54,11 @@ class Match:
         coarse, or of the surfaces of points, as of a cloud and of a mesh of which parts are cut
         apart: ``source_basis @ functional_map`` is close to ``target_basis[source_to_target]``
         where there are partners. It is
-        ``source_basis.T @ diag(a) @ target_basis[source_to_target]`` for areas `a` of the source
-        as shares of its whole area, but 0 where there is no partner.
+        ``source_basis.T @ diag(a) @ target_basis[source_to_target]`` for the areas `a` of the
+        source's :func:`unbend.laplacian`, as shares of the whole, but 0 where there is no partner.
     orientation : float
         Share of the surface that is kept right side out, less the rest: about 1 for a good map,
         and -1 for its mirror image.
-    residual : float
-        Root mean square distance of nearest neighbours in the aligned spectral forms, both
-        directions; 0 for a perfect match, about 1 for none.
     confidence : float
         Estimate, 0 to 1, of the probability that the map is right as a whole: that its mean
         geodesic error is below 0.08 of the square root of the area. It is low if a shape is round
@@ -110,7 +108,6 @@ class Match:
     target_to_source: IntArray
     functional_map: FloatArray
     orientation: float
-    residual: float
     confidence: float
     hypotheses: tuple[Hypothesis, ...] = ()
     faces: IntArray | None = None
@@ -161,7 +158,7 @@ class Match:
             *(
                 (
                     "another map" if i else "this map",
-                    f"leaves {one.energy:.1%} of the shapes unexplained",
+                    f"energy {one.energy:.1%}",
                 )
                 for i, one in enumerate(self.hypotheses[:5])
             ),

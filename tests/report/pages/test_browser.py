@@ -48,7 +48,6 @@ def match_html(dogs, tmp_path_factory: pytest.TempPathFactory) -> Path:
         target_to_source=invert_map(forward, target),
         functional_map=np.eye(2),
         orientation=0.9,
-        residual=0.1,
         confidence=0.9,
         hypotheses=(Hypothesis(0.2, 0.9), Hypothesis(0.3, 0.8)),
         mirrored=MIRRORED,
@@ -130,7 +129,7 @@ def test_landmarks_are_shown_on_both_shapes(browser, match_html, dogs, tmp_path)
     assert browser.run(labels.format("source")) == [["1", 10], ["2", 400]]
     assert browser.run(labels.format("target")) == [["1", rows[0][1]], ["2", rows[1][1]]]
     back = invert_map(forward, target)
-    known = Match(forward, back, np.eye(2), 0.9, 0.1, 0.9, missed_landmarks=(1,))
+    known = Match(forward, back, np.eye(2), 0.9, 0.9, missed_landmarks=(1,))
     match_page(source, target, known, tmp_path / "ignored.html", landmarks=rows)
     assert "2: they contradict" in (tmp_path / "ignored.html").read_text("utf-8")
     several = replace(known, alternatives=(replace(known, missed_landmarks=(0,)),))

@@ -135,7 +135,7 @@ def alternatives(match: Match, mirror: bool) -> str:
         )
         for i, one in enumerate(match.hypotheses)
     ]
-    heads = ["map", "unexplained", "more than the least", "apart", "right side out"]
+    heads = ["map", "energy", "more than the least", "apart", "right side out"]
     side = " Right side out is the share of the surface that a map does not turn inside out."
     if mirror:  # which turns the surface inside out
         rows, heads, side = [row[:-1] for row in rows], heads[:-1], ""
@@ -143,9 +143,10 @@ def alternatives(match: Match, mirror: bool) -> str:
         "Alternatives",
         table(rows, heads),
         parts.hint(
-            "Unexplained is the share of the surfaces' local shape that differs once each patch is "
-            "turned and scaled to fit; a map that leaves hardly more than the first may well be a "
-            "symmetry of the shape. Apart is the mean distance between where it and the first "
+            "The energy is the share of the surfaces' local shape that differs once each patch is "
+            "turned and scaled to fit, and more where parts have no partner; a map with hardly "
+            "more than the first may well be a symmetry of the shape. Apart is the mean distance "
+            "between where it and the first "
             f"lead, as a share of the square root of the area.{side}"
         ),
     )
@@ -184,10 +185,7 @@ def _measures(match: Match, mirror: bool) -> list[tuple[str, str]]:
     rows = [("confidence", confidence_told(match.confidence))]
     if not mirror:
         rows.append(("right side out", f"{_right_side_out(match.orientation)} of the surface"))
-    rows += [
-        ("area with a partner", overlap),
-        ("residual of the aligned forms", f"{match.residual:.3f}"),
-    ]
+    rows.append(("area with a partner", overlap))
     if match.expected_error is not None:
         median, high = match.expected_error_quantiles()
         told = (
