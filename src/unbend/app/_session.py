@@ -226,6 +226,7 @@ class Session:
                 job = entry["job"]
                 if any(one not in self._shapes for one in job["shapes"]):
                     del self._jobs[i]
+                    self._remove_values(job.get("values"))
                     self._note()
                     continue
                 entry |= {"running": True, "stage": "starting"}
