@@ -7,15 +7,18 @@
 SETS are those of benchmarks/match_sets.py, which says where the data comes from; ``--help`` names
 them. Everything is at its default, and nothing but compiled code is cached. A set with a list
 of pairs is matched whole unless ``--pairs`` draws some. FILE (JSON lines) keeps what was measured:
-a run that was interrupted goes on where it stopped. ``--without`` leaves lines of the matcher's
-plan out. ``--peer`` matches with pyFM (package ``pyfmaps``) instead, as its documentation shows:
-wave kernel signatures, a functional map with the orientation term, ZoomOut.
+a run that was interrupted goes on where it stopped, with the same version of unbend. ``--without``
+leaves lines of the matcher's plan out. ``--peer`` matches with pyFM (package ``pyfmaps``) instead,
+as its documentation shows: wave kernel signatures, a functional map with the orientation term,
+ZoomOut.
 
 Errors are geodesic distances on the whole target, in square roots of its area, at source vertices
-whose partner is known and was found. A map is right if their mean is below 0.08; one that is
-refused is wrong. ``IoU`` is the intersection over union, by area, of the vertices that were matched
-and those that have a partner, on the worse of the two shapes. ``calibration`` is how far right maps
-are from as many as their confidences say, over ten classes of it (expected calibration error).
+whose partner is known and was found; those on another component than the partner are left out. A
+map is right if their mean is below 0.08; one that is refused is wrong. Means are those of right
+maps, then of all that are not refused. ``IoU`` is the intersection over union, by area, of the
+vertices that were matched and those that have a partner, on the worse of the two shapes, of right
+maps, then of all. ``calibr.`` is how far right maps are from as many as their confidences say, over
+ten classes of it (expected calibration error).
 ``--barycentric`` adds a table of straight distances to the exact places of vertices, which the sets
 ``poses...`` know: from the vertices and from the points on faces that they are mapped to, and from
 the nearest vertices, which is the least error of a map between vertices. ``--landmarks`` matches
@@ -25,6 +28,7 @@ wrong pairs again with two true landmarks, the first where ``Match.landmark_hint
 import argparse
 import contextlib
 import functools
+import hashlib
 import json
 import os
 import time
@@ -40,6 +44,7 @@ from match_sets import SETS
 from processes import run_all
 from scipy.spatial import cKDTree
 
+import unbend
 from unbend import Match, Mesh, evaluate, match
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.errors import UnbendError
@@ -70,7 +75,8 @@ def run(name: str, draw: Draw, how: str = "") -> Row:
             found = match(case.source, case.target, barycentric=how == "barycentric")
     except UnbendError as error:
         cpu = time.process_time() - start
-        return row | {"refused": str(error), "confidence": 0.0, "error": np.inf, "cpu": cpu}
+        nothing = {"refused": str(error), "confidence": 0.0, "error": np.inf, "cpu": cpu}
+        return row | nothing | _nothing(case)
     row["cpu"] = time.process_time() - start
     row["confidence"] = float(found.confidence)
     row["confidence_bound"] = float(found.confidence_bound)
@@ -121,8 +127,7 @@ def measure(case: Case, there: IntArray, back: IntArray, expected: FloatArray | 
     """Errors over the true overlap, those expected, and how well the overlap itself was found."""
     known = np.flatnonzero(there[case.rows] >= 0)
     if not len(known):
-        unknown = {} if case.overlap is None else {"iou": 0.0}
-        return {"error": np.inf, "mirrored": False} | unknown
+        return {"error": np.inf} | _nothing(case)
     known = np.random.default_rng(0).permutation(known)[:N_POINTS]
     images = np.where(there >= 0, case.origin[there], -1)
     rows, *truths = (
@@ -160,6 +165,12 @@ def measure(case: Case, there: IntArray, back: IntArray, expected: FloatArray | 
     return row
 
 
+def _nothing(case: Case) -> Row:
+    """Measure a map that maps nothing."""
+    overlap = {} if case.overlap is None else {"iou": 0.0}
+    return {"mirrored": False, "shares": [0.0, 0.0, 0.0]} | overlap
+
+
 def _iou(mesh: Mesh, found: BoolArray, true: BoolArray) -> float:
     areas = vertex_areas(mesh)
     return float(areas[found & true].sum() / areas[found | true].sum())
@@ -194,17 +205,22 @@ def line(label: str, rows: list[Row]) -> str:
     errors = np.array([row["error"] for row in rows])
     confidence = np.array([row["confidence"] for row in rows])
     right, sure = errors < WRONG, confidence > SURE
-    overlaps = [row["iou"] for row in rows if "iou" in row]
-    mean = f"{errors[right].mean():9.4f}" if right.any() else f"{'-':>9}"
+    overlaps = np.array([row.get("iou", np.nan) for row in rows])
+    means = [_mean(some[np.isfinite(some)]) for some in (errors[right], errors)]
+    means += [_mean(some[np.isfinite(some)]) for some in (overlaps[right], overlaps)]
     shares = np.array([row["shares"] for row in rows if "shares" in row]).reshape(-1, 3)
     within = "".join(f"{one:7.1%}" for one in shares.mean(axis=0)) if len(shares) else " " * 21
     return (
-        f"{label:24}{len(rows):6}{right.sum():7}{mean}{errors.max():8.3f}{within}"
-        f"{np.mean(overlaps) if overlaps else np.nan:7.3f}"
-        f"{calibration_error(confidence, right):9.3f}"
+        f"{label:24}{len(rows):6}{right.sum():7}{means[0]:9.4f}{means[1]:9.4f}"
+        f"{np.median(errors):8.4f}{errors.max():8.3f}{within}{means[2]:8.3f}{means[3]:7.3f}"
+        f"{confidence.mean():9.3f}{calibration_error(confidence, right):9.3f}"
         f"{f'{(sure & ~right).sum()} of {sure.sum()}':>13}"
         f"{np.mean([row['cpu'] for row in rows]):8.2f}"
     )
+
+
+def _mean(values: FloatArray) -> float:
+    return float(values.mean()) if len(values) else np.nan
 
 
 def group(row: Row) -> str:
@@ -224,8 +240,9 @@ def grouped(rows: list[Row], groups: bool) -> dict[str, list[Row]]:
 def print_table(rows: list[Row], groups: bool = False) -> None:
     """Print a line for each set, or for each kind of pair in it, and every map that is wrong."""
     print(
-        f"{'':24}{'pairs':>6}{'right':>7}{'mean':>9}{'worst':>8}{'<.025':>7}{'<.05':>7}{'<.1':>7}"
-        f"{'IoU':>7}{'calibr.':>9}{'wrong > .9':>13}{'CPU s':>8}"
+        f"{'':24}{'pairs':>6}{'right':>7}{'of these':>9}{'of all':>9}{'median':>8}{'worst':>8}"
+        f"{'<.025':>7}{'<.05':>7}{'<.1':>7}{'IoU:':>8}{'of all':>7}{'confid.':>9}{'calibr.':>9}"
+        f"{'wrong > .9':>13}{'CPU s':>8}"
     )
     for name, some in grouped(rows, groups).items():
         print(line(name, some))
@@ -282,13 +299,22 @@ def measured(
     and those of a matcher that was changed otherwise don't count.
     """
     tasks = {
-        (name, number, given.seed, changed): (_run, name, draw, number, given.seed, changed, how)
+        (name, number, given.seed, changed, _matcher()): (
+            _run,
+            name,
+            draw,
+            number,
+            given.seed,
+            changed,
+            how,
+        )
         for name in given.sets
         for number, draw in enumerate(SETS[name](given.data, given.seed, given.pairs))
     }
     rows = {_key(row): row for row in (read(out) if out else [])}
 
     def keep(row: Row) -> None:
+        row = row | {"matcher": _matcher()}
         rows[_key(row)] = row
         if out:
             with out.open("a") as file:
@@ -302,8 +328,17 @@ def measured(
     return [rows[key] for key in tasks]
 
 
-def _key(row: Row) -> tuple[str, int, int, str]:
-    return row["set"], row["number"], row["seed"], row["changed"]
+def _key(row: Row) -> tuple[str, int, int, str, str]:
+    return row["set"], row["number"], row["seed"], row["changed"], row.get("matcher", "")
+
+
+@functools.cache
+def _matcher() -> str:
+    """Digest of the package, so that rows of another matcher don't count."""
+    digest = hashlib.blake2b(digest_size=8)
+    for path in sorted(Path(unbend.__file__).parent.rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
 
 
 def _run(name: str, draw: Draw, number: int, seed: int, changed: str, how: str) -> Row:

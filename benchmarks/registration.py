@@ -3,7 +3,7 @@
     python benchmarks/registration.py [FOLDER]
 
 Own bodies are laid onto other poses, bodies and torn scans of them along the true map, so that
-nothing but the registration errs. With FOLDER, laid out as for benchmarks/matching.py, the first
+nothing but the registration errs. With FOLDER, of remeshed TOSCA as `UNBEND_DATA` has it, the first
 shape of each class is laid onto the others, along a match that is found.
 
 Errors are straight distances to where vertices belong, over the square root of the scan's area;

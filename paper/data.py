@@ -117,6 +117,10 @@ def _describe(collection: Collection, store: Path, quick: bool, ours: bool) -> D
             "The paper used the original shapes; these are the same poses, remeshed each on its "
             "own, so that no method can profit from vertices that are numbered or placed alike."
         )
+    else:
+        caveats.append(
+            "As in the paper, vertices are numbered and placed alike, from which a method may profit."
+        )
     if quick:
         caveats.append("A quick run: few pairs, which decide nothing.")
     return Described(

@@ -428,12 +428,14 @@ def test_an_interrupted_run_goes_on_where_it_stopped(matched):
     assert matched(6) == (rows, [])
 
 
-def test_rows_of_other_seeds_and_other_matchers_do_not_count(matched):
+def test_rows_of_other_seeds_and_other_matchers_do_not_count(matched, script, monkeypatch):
     whole, _ = matched(3)
     assert matched(3, "without refine")[1] == [0, 1, 2]
     assert matched(3, seed=1)[1] == [0, 1, 2]
     assert matched(3) == (whole, [])
     assert len(matched(2)[0]) == 2
+    monkeypatch.setattr(script("match"), "_matcher", lambda: "another version")
+    assert matched(3)[1] == [0, 1, 2]
 
 
 def test_faces_are_read_drawn_and_know_their_partners(script, tmp_path, monkeypatch):
