@@ -119,7 +119,8 @@ def _describe(collection: Collection, store: Path, quick: bool, ours: bool) -> D
         )
     else:
         caveats.append(
-            "As in the paper, vertices are numbered and placed alike, from which a method may profit."
+            "As in the paper, vertices are numbered and placed alike, from which a method may "
+            "profit."
         )
     if quick:
         caveats.append("A quick run: few pairs, which decide nothing.")

@@ -65,3 +65,12 @@ def test_outliers_have_no_partner(blob: Mesh) -> None:
         pytest.raises(InputError, match=f"cloud: vertex {n} is not on its surface"),
     ):
         match(cloud, blob, landmarks=[[n, 0]])
+
+
+def test_of_two_bodies_one_is_matched_and_the_other_counts(blob: Mesh) -> None:
+    both = np.vstack([blob.vertices, blob.vertices + np.array([8, 0, 0])])
+    with pytest.warns(UnbendWarning, match="642 of 1,284 points are not on the largest piece"):
+        found = match(both, blob, refine=False)
+    assert (found.source_to_target >= 0).sum() == blob.n_vertices
+    assert found.overlap_source == pytest.approx(0.5)
+    assert found.overlap_target == 1

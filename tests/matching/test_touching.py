@@ -5,9 +5,9 @@ import pytest
 
 from tests.sheets import make_torus
 from testshapes.bodies import make_body
-from testshapes.damage import Damaged
+from testshapes.damage import Damaged, damaged_truth
 from testshapes.welding import fuse
-from unbend import match
+from unbend import match, symmetry
 from unbend.datasets import Shape
 from unbend.errors import UnbendWarning
 from unbend.matching._inputs import prepare_shapes
@@ -79,3 +79,16 @@ def test_a_body_is_not_cut_where_its_vertices_alone_join_other_parts(
     sides = make_sides(*(one.shape for one in other))
     levels = [sides.source, sides.target]
     assert not cut_apart(other, levels, 8, 9999)  # too few points for a surface
+
+
+def test_left_and_right_are_found_where_parts_have_grown_together() -> None:
+    body = make_body("biped", 0, random_state=53, n_vertices=1500)
+    grown = fuse(body.mesh, random_state=0)
+    with pytest.warns(UnbendWarning, match="some parts of human touch"):
+        found = symmetry(grown.mesh, refine=False)
+    partners = damaged_truth(body.mirror, grown, grown)
+    known = (partners >= 0) & (found.source_to_target >= 0)
+    ends = body.reference[grown.origin]
+    apart = ends[found.source_to_target[known]] - ends[partners[known]]
+    assert known.mean() > 0.95
+    assert np.linalg.norm(apart, axis=1).mean() < 0.03

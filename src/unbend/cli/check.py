@@ -81,8 +81,8 @@ def _judge(
         prepared.notes or health.inconsistent_edges or health.inside_out or health.seems_inside_out
     ):
         sentence = "This mesh is healthy."
-    if rounding := unbend.preparation.describe_rounding(prepared.mesh):
-        sentence = f"{sentence[:-1]}, but its {rounding}"
+    if wrong := unbend.preparation.describe_positions(prepared.mesh, prepared.kept):
+        sentence = f"{sentence[:-1]}, but its {wrong}"
     return True, sentence, command
 
 

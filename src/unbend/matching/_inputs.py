@@ -194,13 +194,18 @@ def _outward(shapes: list[_Checked]) -> list[_Checked]:
 def check_points(cloud: Mesh) -> _Checked:
     found = surface_of_points(cloud)
     faces, point, vertex = found.mesh.faces, found.point_of_vertex, found.vertex_of_point
-    if n_outliers := int((vertex < 0).sum()):
-        verb = "point is" if n_outliers == 1 else "points are"
-        warn(f"{cloud.name}: {n_outliers} {verb} not on its surface: -1 in a map")
-    surface = make_surface(found.mesh)
-    away = _away(cloud, surface, point, vertex)
     areas = np.zeros(cloud.n_vertices)
     areas[point] = vertex_areas(found.mesh)
+    off = vertex < 0
+    if off.mean() > constants.SMALLEST_PART:  # more than outliers
+        areas[off] = areas.sum() / (~off).sum()
+        told = f"{off.sum():,} of {len(off):,} points are not on the largest piece of its surface"
+        warn(f"{cloud.name}: {told}, which is matched: -1 in a map")
+    elif off.any():
+        verb = "point is" if off.sum() == 1 else "points are"
+        warn(f"{cloud.name}: {off.sum()} {verb} not on its surface: -1 in a map")
+    surface = make_surface(found.mesh)
+    away = _away(cloud, surface, point, vertex)
     corners = np.broadcast_to(np.eye(3, dtype=bool), (len(faces), 3, 3))
     checked = surface, faces, np.inf, point, vertex, away, areas, None, faces, corners
     return _without_long_edges(_Checked(*checked))

@@ -18,7 +18,7 @@ from unbend.choices import Partial
 from unbend.errors import InputError, warn
 from unbend.io import MeshLike, as_mesh
 from unbend.matching import _constants as constants
-from unbend.matching._inputs import Input, led, prepare_shape, prepare_shapes
+from unbend.matching._inputs import Input, prepare_shape, prepare_shapes
 from unbend.matching._outcome import (
     as_taken,
     below_vertices,
@@ -31,7 +31,6 @@ from unbend.matching._plan import (
     candidates,
     differences,
     distinct,
-    make_sides,
     misleading_landmarks,
     moved_share,
     onto_mirror_image,
@@ -47,7 +46,7 @@ _N_EIGENPAIRS, _LEAST_EIGENPAIRS = 30, 4
 # Share of the area that a symmetry leads to another limb, or farther. Of people, animals, fish and
 # insects it is 0.31 or more; if back and belly are exchanged, up to 0.26, but seldom above 0.2.
 _EXCHANGED = 0.28
-# The highest confidence of a map that landmarks lead to and another one fits far better.
+# The highest confidence of such a map, and of one that landmarks lead to and another fits better.
 _MISLED = 0.5
 
 
@@ -251,7 +250,7 @@ def symmetry(
     -----
     UnbendWarning
         As :func:`match` does; and of a map that leads most of the surface near to where it is, as
-        if back and belly were exchanged.
+        if back and belly were exchanged, whose confidence is then at most 0.5.
 
     Examples
     --------
@@ -276,9 +275,9 @@ def symmetry(
     tell("spectrum", 0.0)
     one = prepare_shape(mesh, n_eigenpairs, partial=True)
     tell("search", 0.0)
-    ours, theirs = led((one, one), both)
-    sides = make_sides(ours.shape, theirs.shape).reflected()
-    found = candidates(sides, progress)
+    (ours, theirs), sides, found = search_apart(
+        (one, one), both, n_eigenpairs, progress, reflected=True
+    )
     tell("refine", 0.0)
     found, fine = reranked(sides, found, polish=refine)
     found = without_extras(sides, found, (True, True))
@@ -286,16 +285,18 @@ def symmetry(
     tell("refine", 1.0)
     shares = lead_shares(np.array([one.cost for one in found]), sides.partial)
     apart = differences(sides, found)
-    result = make_match(ours, theirs, sides, chosen, found, shares, apart)
+    exchanged = moved_share(sides, found[0]) < _EXCHANGED
+    most = _MISLED if exchanged else 1.0
+    result = make_match(ours, theirs, sides, chosen, found, shares, apart, most)
     missed = sorted({row % len(pairs) for row in result.missed_landmarks})
     result = replace(result, missed_landmarks=tuple(missed))
     _warn_of_missed(result, labels, pairs)
     warn_of_faults(result)
-    if moved_share(sides, found[0]) < _EXCHANGED:
+    if exchanged:
         warn(
             f"{ours.surface.mesh.name}: most of the surface is led near to where it is, as if back "
             "and belly were exchanged, not left and right; if so, give two vertices as a landmark "
-            "that are each other's partners"
+            f"that are each other's partners; the confidence is at most {_MISLED}"
         )
     return result
 

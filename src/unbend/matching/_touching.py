@@ -34,27 +34,35 @@ class Searched(NamedTuple):
 
 
 def search_apart(
-    inputs: Sequence[Input], pairs: IntArray, n_eigenpairs: int, progress: Progress | None
+    inputs: Sequence[Input],
+    pairs: IntArray,
+    n_eigenpairs: int,
+    progress: Progress | None,
+    *,
+    reflected: bool = False,
 ) -> Searched:
     """Find candidates, or if they fit far better, those with parts that touch cut apart.
 
-    That is tried unless poses hardly differ; with few vertices first, if there are many.
+    That is tried unless poses hardly differ; with few vertices first, if there are many. The target
+    may be taken as its mirror image.
     """
-    chosen = given = _searched(inputs, pairs, progress)
+    searched = functools.partial(_searched, pairs=pairs, progress=progress, reflected=reflected)
+    chosen = given = searched(inputs)
     if not given.sides.partial and given.found[0].energy < constants.FEATURES:
         return given
     levels, most = (given.sides.source, given.sides.target), max(len(one.kept) for one in inputs)
     for count in (_FEW, most) if most > 2 * _FEW else (most,):
         if not (cut := cut_apart(inputs, levels, n_eigenpairs, count)):
             break
-        apart = _searched(cut, pairs, progress)
+        apart = searched(cut)
         if given.sides.partial and not apart.sides.partial:  # what may lack parts costs less
             whole = [one._replace(shape=replace(one.shape, partial=False)) for one in inputs]
-            given = _searched(whole, pairs, progress)
+            given = searched(whole)
         if nearly_as_good(given.found[0], apart.found[0]):
             break
         chosen = apart
-    if names := " and ".join(one.surface.mesh.name for one in chosen.inputs if one.uncut):
+    told = dict.fromkeys(str(one.surface.mesh.name) for one in chosen.inputs if one.uncut)
+    if names := " and ".join(told):
         warn(
             f"some parts of {names} touch, as a hand and a hip may; they are matched as if these "
             "were apart"
@@ -62,9 +70,13 @@ def search_apart(
     return chosen
 
 
-def _searched(inputs: Sequence[Input], pairs: IntArray, progress: Progress | None) -> Searched:
+def _searched(
+    inputs: Sequence[Input], pairs: IntArray, progress: Progress | None, reflected: bool
+) -> Searched:
     given = led(inputs, pairs)
     sides = make_sides(*(one.shape for one in given))
+    if reflected:
+        sides = sides.reflected()
     return Searched(given, sides, candidates(sides, progress))
 
 

@@ -25,6 +25,7 @@ from unbend.mesh import (
 )
 
 _LEAST_VERTICES = 4  # a shape in three dimensions has no fewer
+_STRAY = 1e4  # times as far from the middle as most vertices: a position that can only be wrong
 _NO_RESULT = "no values (NaN) and no partners (-1)"
 _LEAST_SIZE, _MOST_SIZE = 1e-60, 1e60  # whose fourth powers double precision can hold
 
@@ -114,8 +115,8 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
         notes.append(f"{plural(n_improper, 'face')} left out, for naming a vertex twice")
     if problems:
         notes.append(f"robust Laplacian, because of {' and '.join(problems)}")
-    if rounding := describe_rounding(working):
-        notes.append(rounding)
+    if wrong := describe_positions(working, kept):
+        notes.append(wrong)
     return Prepared(working, kept, kept_faces, number, bool(problems), tuple(notes))
 
 
@@ -165,14 +166,25 @@ def _prepare_points(mesh: Mesh, component: str | int | None) -> Prepared:
         )
     check_size(mesh)
     notes = [f"{plural(repeats, 'point')} at the position of another"] if repeats else []
-    if rounding := describe_rounding(mesh):
-        notes.append(rounding)
     kept = np.arange(mesh.n_vertices)
+    if wrong := describe_positions(mesh, kept):
+        notes.append(wrong)
     return Prepared(mesh, kept, kept[:0], kept, False, tuple(notes))
 
 
-def describe_rounding(mesh: Mesh) -> str:
-    """Say so if positions, all in use, are 32-bit numbers too far from the origin for detail."""
+def describe_positions(mesh: Mesh, numbers: IntArray) -> str:
+    """Say so if one of the positions, all in use, can only be wrong, or all are rounded too much.
+
+    They are if they are 32-bit numbers too far from the origin for detail. The numbers (n,) are
+    those that vertices have for the user.
+    """
+    away = np.linalg.norm(mesh.vertices - np.median(mesh.vertices, axis=0), axis=1)
+    if (farthest := away.max()) > _STRAY * np.median(away):
+        times = f"{farthest / max(np.median(away), np.finfo(float).tiny):.1g}"
+        return (
+            f"vertex {numbers[away.argmax()]} is {times} times as far from the middle as most are; "
+            "correct or remove it"
+        )
     coarse = coarse_steps(mesh.vertices)
     with np.errstate(over="ignore"):
         if coarse is None or (mesh.vertices.astype(np.float32) != mesh.vertices).any():

@@ -126,7 +126,8 @@ def _surface_of_points(cloud: Mesh) -> PointSurface:
     cell = max(fine, float(np.cbrt((box + 2 * MARGIN * box.max()).prod() / _MOST_NODES)))
     if cell > _COARSEST * fine:
         raise MeshError(
-            f"{cloud.name}: it is too long and thin to find the surface of its points; use a mesh"
+            f"{cloud.name}: it is too long and thin to find the surface of its points, or has "
+            "parts far apart; use a mesh"
         )
     if box.min() <= _FLAT * box.max():
         raise MeshError(f"{cloud.name}: its points lie in a plane, and have no inside; use a mesh")

@@ -77,7 +77,7 @@ def named(surface: Surface) -> Iterator[None]:
     except SolverError as error:
         sentence = f"{surface.mesh.name}: {error}"
         if surface.operator.kind == "cotangent":
-            sentence += '; if its faces are very thin, use the "robust" Laplacian'
+            sentence += '; if its faces are very thin, mesh it anew, or try the "robust" Laplacian'
         raise SolverError(sentence) from error
 
 
