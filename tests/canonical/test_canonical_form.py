@@ -322,6 +322,7 @@ def test_every_step_is_timed_and_told_when_it_begins_and_ends(blob, method, step
     assert told == [(step, share) for step in form.seconds for share in (0, 1)]
 
 
+@pytest.mark.filterwarnings("ignore:.*as far from the middle as most")
 @pytest.mark.parametrize("height", [1e9, 1e15, 1e20, 1e29])
 def test_what_rounding_leaves_of_no_extent_is_not_taken_for_distances_that_are_not_euclidean(
     height: float,
