@@ -269,7 +269,10 @@ def read(path: Path) -> list[Row]:
     """Read what a run measured; a line that was cut off is left out."""
     if not path.exists():
         return []
-    return [json.loads(one) for one in path.read_text().splitlines() if one.endswith("}")]
+    rows = [json.loads(one) for one in path.read_text().splitlines() if one.endswith("}")]
+    keys = ("set", "number", "seed", "changed")  # of versions of unbend, the last one counts
+    pairs = [tuple(row.get(key, i) for key in keys) for i, row in enumerate(rows)]
+    return list(dict(zip(pairs, rows, strict=True)).values())
 
 
 def make_parser(description: str | None) -> argparse.ArgumentParser:

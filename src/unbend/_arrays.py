@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Set
+from collections.abc import Iterable, Mapping
 from typing import Any, TypeGuard
 
 import numpy as np
@@ -38,10 +38,13 @@ def check_choice(given: Any, name: str, choices: Iterable[str]) -> None:
         raise InputError(f"{name} must be one of {', '.join(known)}, not {given!r}")
 
 
-def check_list(given: Any, what: str) -> None:
-    """Raise InputError for text, which is no list of letters, and for what has no order."""
-    if isinstance(given, str | Set | Mapping) or not isinstance(given, Iterable):
+def listed(given: Any, what: str) -> list[Any]:
+    """Make a list; InputError for a set, whose order is chance, and for text, which is no list."""
+    if isinstance(given, str | bytes | set | frozenset | Mapping) or not isinstance(
+        given, Iterable
+    ):
         raise InputError(f"{what} must be a list, not {given!r:.60}")
+    return list(given)
 
 
 def is_number(number: Any) -> TypeGuard[float]:

@@ -330,3 +330,13 @@ def test_landmarks_that_cannot_be_written_are_named(tmp_path: Path) -> None:
         with pytest.raises(InputError, match=problem):
             write_markups(out, CUBE, vertices, labels)
     assert not out.exists()
+
+
+def test_labels_may_have_a_hash_and_rows_a_comment(tmp_path: Path) -> None:
+    text = '# of a scan\nlabel,x,y,z\n#1,0,0,1\n"tip #2",0,1,0 # the left one\n# and\na#3,1,0,0\n'
+    (tmp_path / "a.csv").write_text(text, encoding="utf-8")
+    places = np.array([[0.0, 0, 1], [0, 1, 0], [1, 0, 0], [0, 0, 0]])
+    tetrahedron = Mesh(places, [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]])
+    labels, vertices = read_markups(tmp_path / "a.csv", tetrahedron)
+    assert labels == ["#1", "tip #2", "a#3"]
+    assert vertices.tolist() == [0, 1, 2]

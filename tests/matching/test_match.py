@@ -13,7 +13,7 @@ from unbend.correspondence import evaluate
 from unbend.datasets import make_biped, make_quadruped, make_sphere, rest_map
 from unbend.errors import InputError, UnbendWarning
 from unbend.matching import _constants as constants
-from unbend.matching import landmark_pairs, match, prepare_spectrum, symmetry
+from unbend.matching import _match, landmark_pairs, match, prepare_spectrum, symmetry
 from unbend.mesh import vertex_areas
 from unbend.mesh.refinement import refine
 
@@ -209,6 +209,17 @@ def test_back_and_belly_exchanged_is_told() -> None:
         found = symmetry(body, refine=False)
     partners = body.vertices[found.source_to_target]
     np.testing.assert_allclose(partners * [1, 1, -1], body.vertices, atol=1e-9)
+
+
+def test_limbs_that_stay_on_their_sides_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_match, "kept_extremities", lambda sides, found: (3, 6))
+    ball = make_sphere(2)
+    egg = ball.vertices * [1, 0.75, 0.5] + 0.1 * ball.vertices[:, [1, 2, 0]] ** 2, ball.faces
+    with pytest.warns(UnbendWarning, match="or limbs stayed on their sides"):
+        found = symmetry(egg, refine=False)
+    assert found.confidence <= 0.5
+    pair = [(int(i), int(found.source_to_target[i])) for i in (0, 40)]
+    symmetry(egg, refine=False, landmarks=pair)  # without a warning: they tell the sides
 
 
 def test_landmarks_choose_among_symmetries() -> None:

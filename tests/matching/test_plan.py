@@ -14,7 +14,7 @@ from testshapes.damage import Damaged, keep
 from unbend import Mesh
 from unbend._types import IntArray
 from unbend.datasets import Shape as Body
-from unbend.datasets import make_sphere, rest_map
+from unbend.datasets import make_quadruped, make_sphere, rest_map
 from unbend.matching import _constants as constants
 from unbend.matching import _plan
 from unbend.matching._extremities import find_extremities
@@ -33,6 +33,7 @@ from unbend.matching._plan import (
     from_extremities,
     from_forms,
     from_motions,
+    kept_extremities,
     lifted,
     make_sides,
 )
@@ -333,3 +334,14 @@ def test_a_pair_is_partial_if_either_shape_is(bodies: Sides, parts: Sides) -> No
     assert not bodies.partial
     assert parts.partial
     assert parts._replace(source=parts.target, target=parts.source).partial
+
+
+def test_extremities_that_stay_where_they_are_are_counted() -> None:
+    one = prepare_shape(make_quadruped(n_vertices=600).mesh, 30, partial=True)
+    sides = make_sides(one.shape, one.shape).reflected()
+    best = candidates(sides)[0]
+    kept, among = kept_extremities(sides, best)
+    assert kept <= 2 < among - 2
+    every = np.arange(len(best.registered.forward))
+    same = replace(best, registered=best.registered._replace(forward=every))
+    assert kept_extremities(sides, same) == (among, among)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from unbend._arrays import check_whole, first_largest, is_whole
+from unbend._arrays import array_of, check_whole, first_largest
 from unbend._types import FloatArray, IntArray
 from unbend.choices import DistanceKind, LaplacianKind
 from unbend.distances import diffusion_time, make_metric
@@ -75,7 +75,7 @@ def farthest_point_sampling(
     if start is None:
         first = shape_end(eigenpairs(surface, 2))
     else:
-        if not is_whole(start):
+        if array_of(start, "start").ndim != 0:
             raise InputError(f"start must be one vertex, not {start!r}")
         first = int(local_ids(surface, start)[0])
     samples, _ = spread_samples(metric.from_sources, surface.n_vertices, n_samples, first)

@@ -171,7 +171,8 @@ def symmetry(
     What has no counterpart, as beyond a cut, gets no partner; but a limb of which nothing is on the
     other side may be its own, as a tail is. The confidence is that of a match of the shape to its
     mirror image, so it is also high for a roughly symmetric shape, such as a bone, and may be for
-    half a body. If back and belly may be exchanged, a warning tells, and it is 0.5 at most.
+    half a body. If back and belly may be exchanged, or limbs may have stayed on their sides, a
+    warning tells, and it is 0.5 at most.
 
       landmarks: A .csv file: on each line two vertices, counted from 0, that are each other's
           partners, such as the tips of two limbs; or two files of points.

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from unbend._arrays import check_list, is_number
+from unbend._arrays import is_number, listed
 from unbend._display import Brief
 from unbend._types import FloatArray, StrPath
 from unbend.alignment import procrustes
@@ -120,10 +120,9 @@ def mean_shape(
         if not is_number(share) or not 0 <= share <= 1:
             raise InputError(f"{name} must be from 0 to 1, not {share!r}")
     template = as_mesh(template)
-    check_list(registrations, "registrations")
     kept: list[Registration] = []
     left_out: list[Failure] = []
-    for one in registrations:
+    for one in listed(registrations, "registrations"):
         if not isinstance(one, Registration):
             raise InputError(f"mean_shape needs Registrations, not {type(one).__name__}")
         same = one.mesh.n_vertices == template.n_vertices

@@ -9,7 +9,7 @@ from typing import Any, cast, get_args
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import check_choice, check_list, first_largest, values_of
+from unbend._arrays import check_choice, first_largest, listed, values_of
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray
 from unbend.choices import ValueKind
@@ -169,7 +169,7 @@ def transfer_landmarks(
     target = as_mesh(target, "target")
     images = as_point_map(match, target=target)
     given = vertex_ids(vertices, len(images), "the source")
-    check_list(labels, "labels")
+    labels = listed(labels, "labels")
     if len(labels) != len(given):
         raise InputError(f"{len(given)} landmarks need as many labels, not {len(labels)}")
     missing = ("", None)

@@ -22,9 +22,9 @@ from unbend.errors import FileError, InputError, file_errors
 
 
 def as_path(path: StrPath) -> Path:
-    """Make a Path; raise InputError if it is none, as where arguments are exchanged."""
+    """Make a Path; raise InputError of what is none, as where arguments are exchanged."""
     if not isinstance(path, str | os.PathLike):
-        raise InputError(f"a {type(path).__name__} is no path; the path comes first")
+        raise InputError(f"a path is needed, not {type(path).__name__}")
     return Path(path)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from unbend._arrays import check_list
+from unbend._arrays import listed
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray, StrPath
 from unbend.errors import FileError, InputError, warn
@@ -200,7 +200,7 @@ def read_markup_pairs(
     (['nose', 'ear'], array([[  7,   8],
            [100,  90]]))
     """
-    check_list(paths, "landmarks of two meshes")
+    paths = listed(paths, "landmarks of two meshes")
     if len(paths) != 2:
         raise InputError(f"landmarks of two meshes need two files, not {len(paths)}")
     a, b = _places(as_mesh(source, "source")), _places(as_mesh(target, "target"))
@@ -275,7 +275,7 @@ def write_markups(
     """
     path, mesh = check_writable(path, (".json",)), as_mesh(mesh)
     vertices = vertex_ids(vertices, mesh.n_vertices, mesh.name)
-    check_list(labels, "labels")
+    labels = listed(labels, "labels")
     if not all(isinstance(label, str) for label in labels):
         raise InputError(f"{mesh.name}: labels of landmarks must be a list of text")
     if len(labels) != len(vertices):

@@ -11,7 +11,7 @@ from typing import Any, get_args
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import check_choice, check_list, check_whole, values_of
+from unbend._arrays import check_choice, check_whole, listed, values_of
 from unbend._text import plural
 from unbend._types import StrPath
 from unbend.choices import ValueKind
@@ -243,7 +243,7 @@ def write_values(
         raise InputError(f"values must have one row for each of {need}")
     check_storable(path, array, kind)
     columns = array.reshape(len(array), -1)
-    check_list(names, "names")
+    names = listed(names, "names")
     if len(names) not in (0, columns.shape[1]):
         raise InputError(
             f"{plural(columns.shape[1], 'column')} cannot have {plural(len(names), 'name')}"

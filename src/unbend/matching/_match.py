@@ -31,6 +31,7 @@ from unbend.matching._plan import (
     candidates,
     differences,
     distinct,
+    kept_extremities,
     misleading_landmarks,
     moved_share,
     onto_mirror_image,
@@ -46,6 +47,8 @@ _N_EIGENPAIRS, _LEAST_EIGENPAIRS = 30, 4
 # Share of the area that a symmetry leads to another limb, or farther. Of people, animals, fish and
 # insects it is 0.31 or more; if back and belly are exchanged, up to 0.26, but seldom above 0.2.
 _EXCHANGED = 0.28
+# Extremities that may be their own partners, a head and a tail; more are, if less than half of all.
+_AXIAL = 2
 # The highest confidence of such a map, and of one that landmarks lead to and another fits better.
 _MISLED = 0.5
 
@@ -89,7 +92,8 @@ def match(
     landmarks : (l, 2) array_like of int, or mapping of str to such pairs, optional
         Pairs of a source and a target vertex that correspond, perhaps with labels. One to three
         resolve ambiguities. The map takes each to its partner, within about an edge, except for
-        those that contradict the best-fitting map: `missed_landmarks` lists them.
+        those that contradict the best-fitting map, or lie on what it leaves out:
+        `missed_landmarks` lists them.
     n_matches : int, default=1
         How many maps to give at most: the best as the result, the others as its
         `alternatives`.
@@ -250,7 +254,8 @@ def symmetry(
     -----
     UnbendWarning
         As :func:`match` does; and of a map that leads most of the surface near to where it is, as
-        if back and belly were exchanged, whose confidence is then at most 0.5.
+        if back and belly were exchanged or limbs stayed on their sides, whose confidence is then at
+        most 0.5.
 
     Examples
     --------
@@ -285,20 +290,29 @@ def symmetry(
     tell("refine", 1.0)
     shares = lead_shares(np.array([one.cost for one in found]), sides.partial)
     apart = differences(sides, found)
-    exchanged = moved_share(sides, found[0]) < _EXCHANGED
-    most = _MISLED if exchanged else 1.0
+    # So do those of slim bodies, and landmarks can confirm that.
+    stays = not len(pairs) and _stays(sides, found[0])
+    most = _MISLED if stays else 1.0
     result = make_match(ours, theirs, sides, chosen, found, shares, apart, most)
     missed = sorted({row % len(pairs) for row in result.missed_landmarks})
     result = replace(result, missed_landmarks=tuple(missed))
     _warn_of_missed(result, labels, pairs)
     warn_of_faults(result)
-    if exchanged:
+    if stays:
         warn(
-            f"{ours.surface.mesh.name}: most of the surface is led near to where it is, as if back "
-            "and belly were exchanged, not left and right; if so, give two vertices as a landmark "
-            f"that are each other's partners; the confidence is at most {_MISLED}"
+            f"{ours.surface.mesh.name}: much is led near to where it is, as if back and belly were "
+            "exchanged, not left and right, or limbs stayed on their sides; if so, give two "
+            "vertices as a landmark that are each other's partners, such as the tips of two limbs; "
+            f"the confidence is at most {_MISLED}"
         )
     return result
+
+
+def _stays(sides: Sides, found: Candidate) -> bool:
+    """Whether a map of a body to itself leads too much of it near to where it is."""
+    kept, among = kept_extremities(sides, found)
+    limbs = kept > _AXIAL and 2 * kept >= among
+    return limbs or moved_share(sides, found) < _EXCHANGED
 
 
 def check_partial(partial: str) -> None:
@@ -348,8 +362,11 @@ def _finished(
 
 def _warn_of_missed(result: Match, labels: list[str], pairs: IntArray) -> None:
     for row in result.missed_landmarks:
-        told = _named_landmark(row, labels, pairs)
-        warn(f"{told} is ignored: it contradicts the best-fitting map")
+        told, (source, target) = _named_landmark(row, labels, pairs), pairs[row]
+        if result.source_to_target[source] < 0 or result.target_to_source[target] < 0:
+            warn(f"{told} has no partner by the map")
+        else:
+            warn(f"{told} is ignored: it contradicts the best-fitting map")
 
 
 def _warn_of_misleading(rows: Sequence[int], labels: list[str], pairs: IntArray) -> None:

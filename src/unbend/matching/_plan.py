@@ -232,6 +232,15 @@ def moved_share(sides: Sides, found: Candidate) -> float:
     return float(areas @ (apart > constants.LIMB) / max(areas.sum(), np.finfo(float).tiny))
 
 
+def kept_extremities(sides: Sides, found: Candidate) -> tuple[int, int]:
+    """Count extremities that a map of a shape to itself leads near to where they are, and all."""
+    shape = sides.unled().at(MEDIUM)[0]
+    extremities = find_extremities(shape)
+    images = found.registered.forward[extremities.vertices]
+    away = extremities.fields[images, np.arange(len(images))]
+    return int((away < constants.LIMB / 2).sum()), len(away)
+
+
 def distinct(sides: Sides, found: Sequence[Candidate], count: int) -> list[int]:
     """Choose candidates that are not right together with a better one that is chosen."""
     chosen = [0]

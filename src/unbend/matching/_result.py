@@ -94,7 +94,8 @@ class Match:
         the other a right one; then `confidence` is next to 0. A symmetric body in two mirrored
         poses looks like that, too.
     missed_landmarks : tuple of int
-        Rows of the landmarks that were ignored, because they contradict the map.
+        Rows of the landmarks that were ignored, because they contradict the map, and of those that
+        it gives no partner.
     landmark_hints : tuple of int
         Source vertices where landmarks would help most, because runners-up that are nearly as good
         differ most there. Empty if none is as good.

@@ -87,6 +87,9 @@ def cut_apart(
 
     Then both have equally many handles. Meshes that are cut keep so many vertices at most.
     """
+    if inputs[0] is inputs[1]:
+        one, *others = _cut_or_not(inputs[0], levels[0], n_eigenpairs, count)
+        return [one, one] if others else []
     tasks = zip(inputs, levels, strict=True)
     options = run_all(functools.partial(_cut_or_not, *task, n_eigenpairs, count) for task in tasks)
     for pair in itertools.product(*options):

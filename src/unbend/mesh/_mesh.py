@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from unbend._arrays import array_of, check_list, sum_rows, unit_vectors
+from unbend._arrays import array_of, listed, sum_rows, unit_vectors
 from unbend._display import table
 from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError, MeshError
@@ -61,8 +61,12 @@ class Mesh:
         vertices = _vertex_array(vertices, name)
         faces = _face_array(faces, len(vertices), name)
         _check_finite(vertices, faces, name)
-        check_list(notes, "notes")
-        state = {"vertices": vertices, "faces": faces, "name": name, "notes": tuple(notes)}
+        state = {
+            "vertices": vertices,
+            "faces": faces,
+            "name": name,
+            "notes": tuple(listed(notes, "notes")),
+        }
         self.__setstate__(state)
 
     def __setstate__(self, state: dict[str, Any]) -> None:

@@ -25,7 +25,8 @@ from unbend.mesh import (
 )
 
 _LEAST_VERTICES = 4  # a shape in three dimensions has no fewer
-_STRAY = 1e4  # times as far from the middle as most vertices: a position that can only be wrong
+# Times as far from the middle as most vertices are, that few are: positions are probably wrong.
+_STRAY, _FEW = 1e4, 0.01
 _NO_RESULT = "no values (NaN) and no partners (-1)"
 _LEAST_SIZE, _MOST_SIZE = 1e-60, 1e60  # whose fourth powers double precision can hold
 
@@ -173,17 +174,17 @@ def _prepare_points(mesh: Mesh, component: str | int | None) -> Prepared:
 
 
 def describe_positions(mesh: Mesh, numbers: IntArray) -> str:
-    """Say so if one of the positions, all in use, can only be wrong, or all are rounded too much.
+    """Say so if a position, of those in use, is probably wrong, or all are rounded too much.
 
-    They are if they are 32-bit numbers too far from the origin for detail. The numbers (n,) are
+    All are if they are 32-bit numbers too far from the origin for detail. The numbers (n,) are
     those that vertices have for the user.
     """
     away = np.linalg.norm(mesh.vertices - np.median(mesh.vertices, axis=0), axis=1)
-    if (farthest := away.max()) > _STRAY * np.median(away):
-        times = f"{farthest / max(np.median(away), np.finfo(float).tiny):.1g}"
+    most = np.median(away)
+    if most > 0 and 0 < (away > _STRAY * most).mean() < _FEW:
         return (
-            f"vertex {numbers[away.argmax()]} is {times} times as far from the middle as most are; "
-            "correct or remove it"
+            f"vertex {numbers[away.argmax()]} is {away.max() / most:.1g} times as far from the "
+            "middle as most are; if that is wrong, correct it, or leave it out"
         )
     coarse = coarse_steps(mesh.vertices)
     with np.errstate(over="ignore"):

@@ -117,7 +117,6 @@ def test_polygons_of_a_grid_are_read(tmp_path: Path, binary: bool, new: bool) ->
         (b"3 0 1 4", b"9 0 1 4", "the 21 numbers of POLYGONS are not 5 cells"),
         (b"POLYGONS", b"TRIANGLE_STRIPS", "holds triangle strips"),
         (b"NORMALS", b"PEDIGREES", "'PEDIGREES n float', which unbend cannot read"),
-        (b"\n0 0 0 0 1\n", b"\n0 0 0 0 255\n", "paint holds colours outside 0 to 1"),
         (b"heat 2 5", b"heat 2 6", "truncated: it promises 12 numbers of heat"),
         (b"FIELD FieldData 1\nheat", b"FIELD FieldData 2\nheat", "'' is not a number of rows"),
     ],
@@ -126,6 +125,14 @@ def test_a_damaged_one_is_refused(tmp_path: Path, old: bytes, new: bytes, proble
     (tmp_path / "a.vtk").write_bytes(a_file().replace(old, new))
     with pytest.raises((FileError, MeshError), match=re.escape(problem)):
         read_mesh(tmp_path / "a.vtk")
+
+
+def test_colours_that_can_be_none_are_left_out(tmp_path: Path) -> None:
+    data = a_file(False, False).replace(b"\n0 0 0 0 1\n", b"\n0 0 0 0 255\n")
+    (tmp_path / "a.vtk").write_bytes(data)
+    notes = read_mesh(tmp_path / "a.vtk").notes
+    assert notes[-1] == "colours paint left out, which are not from 0 to 1"
+    np.testing.assert_array_equal(read_values(tmp_path / "a.vtk", name="heat"), HEAT)
 
 
 def test_one_cut_off_anywhere_is_never_read_as_another(tmp_path: Path) -> None:

@@ -90,9 +90,8 @@ def _table(data: bytes, suffix: str, vertices: FloatArray) -> list[Point]:
     Tables of 3D Slicer name their axes l, p, s or r, a, s, and say in a column whether a point is
     defined. Or columns label and vertex, as the page of unbend view saves landmarks of one mesh.
     """
-    lines = data_lines(data, suffix[1:])
-    if suffix == ".csv":  # where quoted labels may have a #
-        lines = [line for line in text_lines(data, "CSV") if re.match(r"\s*[^\s#]", line)]
+    is_csv = suffix == ".csv"
+    lines = _without_comments(data) if is_csv else data_lines(data, suffix[1:])
     if suffix == ".pts" and lines and re.match(r"version", lines[0], re.IGNORECASE):
         lines = lines[2:]  # how many there are
     between = next((mark for mark in ";\t," if lines and mark in lines[0]), " ")
@@ -133,6 +132,20 @@ def _table(data: bytes, suffix: str, vertices: FloatArray) -> list[Point]:
         turned = "RAS" if axes == "ras" else "LPS"
         points.append(_point(row[label] if labelled else "", "", place, turned))
     return points
+
+
+def _without_comments(data: bytes) -> list[str]:
+    """Lines of a .csv file, where labels may have a ``#`` if there are as many cells as above."""
+    lines: list[str] = []
+    for line in text_lines(data, "CSV"):
+        kept = re.sub(r'\s#[^"]*$', "", line)
+        if kept.lstrip().startswith("#"):
+            cells = [len(re.findall(r"[;,\t]", one)) for one in (kept, *lines[:1])]
+            if cells[0] == 0 or cells[0] < cells[-1] or not lines:
+                continue
+        if kept.strip():
+            lines.append(kept)
+    return lines
 
 
 def _point(label: Any, description: Any, position: Any, axes: Any) -> Point:

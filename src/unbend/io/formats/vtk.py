@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from typing import Any
 from urllib.parse import unquote
 
@@ -21,6 +22,7 @@ _TYPES = {
     "vtktypeint64": "i8", "vtktypeuint64": "u8", "float": "f4", "double": "f8",
 }  # fmt: skip
 STRIPS = "holds triangle strips, which unbend cannot read; save triangles"
+_ROUNDED = 1e-6  # by which shares of 255 may be beyond 0 and 1
 _AT_ONCE = 1000  # numbers: where one is none, the block that holds it is named
 _CELLS = ("VERTICES", "LINES", "POLYGONS", "TRIANGLE_STRIPS", "CELLS")
 # Types of the cells of a grid, as VTK numbers them.
@@ -116,6 +118,7 @@ def read(data: bytes) -> Contents:
     types: npt.NDArray[Any] | None = None
     values: dict[str, npt.NDArray[Any]] = {}
     arrays: dict[str, npt.NDArray[Any]] = {}  # those of the whole, of points, or of cells
+    left: list[str] = []
     while (words := file.line())[0]:
         key, name, size, third = words[0].upper(), *words[1:4]
         if key == "POINTS":
@@ -145,13 +148,18 @@ def read(data: bytes) -> Contents:
             n_rows, width = (rows, size) if key == "COLOR_SCALARS" else (size, "4")
             colors = file.array(name, n_rows, width, kind)
             if key == "COLOR_SCALARS":  # in text shares of 255
-                if not file.binary and not ((colors >= 0) & (colors <= 1)).all():
-                    raise FileError(f"{name} holds colours outside 0 to 1")
-                arrays[name] = colors if file.binary else np.rint(colors * 255).astype(np.uint8)
+                if file.binary:
+                    arrays[name] = colors
+                elif ((colors >= -_ROUNDED) & (colors <= 1 + _ROUNDED)).all():
+                    arrays[name] = np.rint(colors * 255).astype(np.uint8)
+                else:
+                    left.append(f"colours {name} left out, which are not from 0 to 1")
         else:
             unread = " ".join(words).strip()
             raise misfit("a line", unread, ", which unbend cannot read; save it as .ply")
-    return contents_of(vertices, *cells, types, {unquote(one): values[one] for one in values})
+    named = {unquote(one): values[one] for one in values}
+    contents = contents_of(vertices, *cells, types, named)
+    return replace(contents, notes=(*contents.notes, *left))
 
 
 def contents_of(

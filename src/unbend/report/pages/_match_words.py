@@ -172,7 +172,12 @@ def facts(
         rows.append(("for display", rotated))
     if ignored:
         which = ", ".join(ignored)
-        own.append(("landmarks ignored", f"{which}: they contradict the best-fitting map"))
+        own.append(
+            (
+                "landmarks ignored",
+                f"{which}: they contradict the best-fitting map, or have no partner by it",
+            )
+        )
     if match is not None:
         own += _measures(match, mirror)
     return parts.how_made([*rows, *((f"{name}{of_map}", told) for name, told in own)], command)

@@ -10,7 +10,7 @@ from typing import Any, get_args
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import array_of, check_choice, check_list, numbers_of
+from unbend._arrays import array_of, check_choice, listed, numbers_of
 from unbend._display import table
 from unbend._text import plural
 from unbend._types import Progress, StrPath
@@ -85,8 +85,7 @@ def similarity_page(
     Page('How alike 2 shapes are', 0.1 MB)
     """
     step = parts.begin_page(path, up, progress)
-    check_list(shapes, "shapes")
-    shapes = list(shapes)
+    shapes = listed(shapes, "shapes")
     check_choice(measure, "measure", get_args(Measure))
     array = checked_table(values, len(shapes))
     numbers = None if groups is None else array_of(groups, "groups")

@@ -102,7 +102,7 @@ class Landmarks {
   // As read_landmarks does: a nameless first column, of names of rows as R writes them, is left out.
   loadCsv(text) {
     const pairs = this.shapes.length > 1, loaded = [];
-    let lines = text.replace(/^\ufeff/, "").split(/\r?\n/).filter((line) => line.trim() && !line.startsWith("#"));
+    let lines = text.replace(/^\ufeff/, "").split(/\r?\n/).filter((line) => line.trim() && (!line.startsWith("#") || /[,;\s]\d+\s*$/.test(line)));
     const header = lines.length && !/\d/.test(lines[0]) ? lines.shift().trim() : "", columns = header.toLowerCase().match(/\w+/g)?.join();
     if (header && /^(source,target|target,source)$/.test(columns) !== pairs) throw Error(`its columns are ${header.slice(0, 40)}; those of landmarks here are ${pairs ? "source,target" : "label,vertex"}`);
     if (/^[\s"]*[,;]/.test(header)) lines = lines.map((line) => line.replace(/^\s*("([^"]|"")*"|[^,;]*)[,;]/, ""));
