@@ -222,6 +222,7 @@ def test_every_public_name_can_be_had_from_a_core_install():
             lambda out: unbend.Mesh(BALL.vertices, BALL.faces, notes="scaled"),
             "notes must be a list, not 'scaled'",
         ),
+        (lambda out: unbend.read_mesh(b"ball.ply"), "a path is needed, not bytes"),
         (lambda out: unbend.read_mesh(BALL), "a path is needed, not Mesh"),
         (lambda out: unbend.write_mesh(BALL, out), "a path is needed, not Mesh"),
         (lambda out: unbend.write_map(EVERY, out), "a path is needed, not ndarray"),

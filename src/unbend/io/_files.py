@@ -23,9 +23,10 @@ from unbend.errors import FileError, InputError, file_errors
 
 def as_path(path: StrPath) -> Path:
     """Make a Path; raise InputError of what is none, as where arguments are exchanged."""
-    if not isinstance(path, str | os.PathLike):
-        raise InputError(f"a path is needed, not {type(path).__name__}")
-    return Path(path)
+    text = os.fspath(path) if isinstance(path, str | os.PathLike) else path
+    if not isinstance(text, str):
+        raise InputError(f"a path is needed, not {type(text).__name__}")
+    return Path(text)
 
 
 def check_writable(path: StrPath, suffixes: Collection[str]) -> Path:
