@@ -1,6 +1,7 @@
 """Matching: truths on shapes whose correspondence is known, and on real ones where given."""
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -212,7 +213,7 @@ def test_back_and_belly_exchanged_is_told() -> None:
 
 
 def test_limbs_that_stay_on_their_sides_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_match, "kept_extremities", lambda sides, found: (3, 6))
+    monkeypatch.setattr(_match, "_stays", lambda sides, found: True)
     ball = make_sphere(2)
     egg = ball.vertices * [1, 0.75, 0.5] + 0.1 * ball.vertices[:, [1, 2, 0]] ** 2, ball.faces
     with pytest.warns(UnbendWarning, match="or limbs stayed on their sides"):
@@ -220,6 +221,18 @@ def test_limbs_that_stay_on_their_sides_are_told(monkeypatch: pytest.MonkeyPatch
     assert found.confidence <= 0.5
     pair = [(int(i), int(found.source_to_target[i])) for i in (0, 40)]
     symmetry(egg, refine=False, landmarks=pair)  # without a warning: they tell the sides
+
+
+@pytest.mark.parametrize(
+    ("kept", "energy", "stays"),
+    [((3, 6), 0.1, True), ((3, 6), 0.05, False), ((3, 7), 0.1, False), ((2, 2), 0.1, False)],
+)
+def test_half_of_the_limbs_stay_or_fewer(
+    monkeypatch: pytest.MonkeyPatch, kept: tuple[int, int], energy: float, stays: bool
+) -> None:
+    monkeypatch.setattr(_match, "kept_extremities", lambda sides, found: kept)
+    monkeypatch.setattr(_match, "moved_share", lambda sides, found: 0.5)
+    assert _match._stays(None, SimpleNamespace(energy=energy)) == stays
 
 
 def test_landmarks_choose_among_symmetries() -> None:

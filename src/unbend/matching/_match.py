@@ -309,9 +309,12 @@ def symmetry(
 
 
 def _stays(sides: Sides, found: Candidate) -> bool:
-    """Whether a map of a body to itself leads too much of it near to where it is."""
+    """Whether a map of a body to itself leads too much of it near to where it is.
+
+    Fins are along the middle, and where both sides are in one pose no limb can seem to stay.
+    """
     kept, among = kept_extremities(sides, found)
-    limbs = kept > _AXIAL and 2 * kept >= among
+    limbs = kept > _AXIAL and 2 * kept >= among and found.energy >= constants.FEATURES
     return limbs or moved_share(sides, found) < _EXCHANGED
 
 
