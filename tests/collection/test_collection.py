@@ -407,3 +407,20 @@ def test_a_cluster_gives_the_same_table_and_may_lose_a_worker(
         assert killed
         assert (done.added, done.failures) == (8, ())
         assert_same_rows(collection, filled)
+
+
+def test_an_empty_name_is_not_the_current_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_mesh("ball.ply", BALL)
+    collection = Collection("store")
+    added = collection.add("", workers=0)
+    assert (added.added, len(added.failures)) == (0, 1)
+    collection.add("ball.ply", workers=0)
+    for call in (collection.remove, lambda name: collection.register(name, "out")):
+        with pytest.raises(InputError, match=" is not in the collection"):
+            call("")
+    assert len(collection) == 1
+    with pytest.raises(InputError, match=r"^\./other is not in the collection"):
+        collection.remove("./other")

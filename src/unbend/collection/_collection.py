@@ -22,7 +22,7 @@ from unbend.collection._registering import register_collection
 from unbend.collection._rows import Added, Entry, Hit, Info, Matched, Registered
 from unbend.collection._store import Store, among, check_outside
 from unbend.errors import FileError, InputError
-from unbend.io import MeshLike, as_mesh, as_path, check_writable
+from unbend.io import MeshLike, as_mesh, check_writable, path_text
 
 _LEAST_INDEXED = 10_000  # rows: with fewer an index finds nothing sooner
 
@@ -32,7 +32,7 @@ def _listed(names: StrPath | Iterable[StrPath]) -> list[str]:
     several = [names] if isinstance(names, str | os.PathLike) else names
     if not isinstance(several, Iterable):
         raise InputError(f"shapes are given by their paths, not {names!r}")
-    return [os.fspath(as_path(name)) for name in several]
+    return [path_text(name) for name in several]
 
 
 class Collection:

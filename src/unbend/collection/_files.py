@@ -19,7 +19,7 @@ from unbend._text import plural, quoted
 from unbend._types import StrPath
 from unbend.collection._rows import Entry, Failure, Hit
 from unbend.errors import FileError, UnbendError, file_errors, warn
-from unbend.io import FREESURFER_VALUES, READ_SUFFIXES, as_path, read_mesh
+from unbend.io import FREESURFER_VALUES, READ_SUFFIXES, path_text, read_mesh
 from unbend.mesh import Mesh
 
 # Of files that folders are searched for; others are added by name or pattern only.
@@ -222,9 +222,9 @@ def is_gone(path: str) -> bool:
 
 def make_folder(path: StrPath) -> Path:
     """Make a folder for results, if there is none; raise FileError if none can be written to."""
-    folder = as_path(path)
-    if not os.fspath(path):
+    if not (text := path_text(path)):
         raise FileError("the folder for results has no name; . is the current one")
+    folder = Path(text)
     with file_errors(f"make the folder {folder}"):
         folder.mkdir(parents=True, exist_ok=True)
     if not os.access(folder, os.W_OK | os.X_OK):

@@ -36,10 +36,10 @@ from unbend.collection._store import Store, check_outside
 from unbend.correspondence import Registration, check_template, register, write_registration
 from unbend.errors import FileError, InputError, file_errors, heard, warn
 from unbend.io import (
-    as_path,
     atomic_write,
     keeps_all,
     moved_obj,
+    path_text,
     read_bytes,
     read_mesh,
     read_table,
@@ -83,7 +83,7 @@ def register_collection(
     """Register a template to all shapes of a collection; see `Collection.register`."""
     check_outside(store.path, out)
     store.check_filled()
-    if not os.path.exists(as_path(template)):
+    if not os.path.exists(path_text(template)):
         try:
             (shape,) = store.find([template])
         except InputError as error:

@@ -22,7 +22,7 @@ from unbend._types import StrPath
 from unbend.collection._descriptor import DESCRIPTOR_VERSION
 from unbend.collection._rows import Entry, Hit, Info
 from unbend.errors import FileError, InputError, MissingExtraError, UnbendError
-from unbend.io import as_path, atomic_write
+from unbend.io import atomic_write, path_text
 
 _TABLE = "shapes"
 _FOLDER, _CREATING = f"{_TABLE}.lance", ".creating-"  # of the table; prefix of where it is made
@@ -49,8 +49,7 @@ class Store:
             import lancedb
         except ImportError:
             raise MissingExtraError("lancedb", "dask", "distributed") from None
-        as_path(path)  # refuses what is none; the address of an object store stays as it is
-        self.path = os.fspath(path)
+        self.path = path_text(path)  # perhaps the address of an object store
         self._commits, self._next_tidy = 0, 0.0
         self._connect = functools.partial(
             lancedb.connect,
@@ -248,7 +247,7 @@ class Store:
 
     def find(self, names: Sequence[StrPath]) -> list[Entry]:
         """Entries of ids, beginnings of ids, or paths; see `Collection.find`."""
-        texts = [os.fspath(as_path(name)) for name in names]
+        texts = [path_text(name) for name in names]
         lots = (texts[i : i + _NAMES_AT_ONCE] for i in range(0, len(texts), _NAMES_AT_ONCE))
         return [entry for lot in lots for entry in self._find(lot)]
 

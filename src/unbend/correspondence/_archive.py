@@ -9,7 +9,6 @@ import zipfile
 from collections.abc import Sequence
 from dataclasses import MISSING, fields, replace
 from hashlib import blake2b
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -148,8 +147,9 @@ def read_match(
     >>> len(read_match(path).source_to_target)
     162
     """
-    data = read_bytes(as_path(path), (".npz",))
-    with prefixed(Path(path).name):
+    path = as_path(path)
+    data = read_bytes(path, (".npz",))
+    with prefixed(path.name):
         arrays = _load(data)
         hashes = [arrays.pop(name, None) for name in _MESHES]
         folders: dict[str, _Arrays] = {"": {}}

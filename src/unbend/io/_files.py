@@ -21,12 +21,17 @@ from unbend._types import StrPath
 from unbend.errors import FileError, InputError, file_errors
 
 
-def as_path(path: StrPath) -> Path:
-    """Make a Path; raise InputError of what is none, as where arguments are exchanged."""
+def path_text(path: StrPath) -> str:
+    """Text of a path as it is; InputError of what is none, as where arguments are exchanged."""
     text = os.fspath(path) if isinstance(path, str | os.PathLike) else path
     if not isinstance(text, str):
         raise InputError(f"a path is needed, not {type(text).__name__}")
-    return Path(text)
+    return text
+
+
+def as_path(path: StrPath) -> Path:
+    """Make a Path, as :func:`path_text` allows."""
+    return Path(path_text(path))
 
 
 def check_writable(path: StrPath, suffixes: Collection[str]) -> Path:

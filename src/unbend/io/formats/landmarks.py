@@ -90,8 +90,7 @@ def _table(data: bytes, suffix: str, vertices: FloatArray) -> list[Point]:
     Tables of 3D Slicer name their axes l, p, s or r, a, s, and say in a column whether a point is
     defined. Or columns label and vertex, as the page of unbend view saves landmarks of one mesh.
     """
-    is_csv = suffix == ".csv"
-    lines = _without_comments(data) if is_csv else data_lines(data, suffix[1:])
+    lines = _csv_lines(data) if suffix == ".csv" else data_lines(data, suffix[1:])
     if suffix == ".pts" and lines and re.match(r"version", lines[0], re.IGNORECASE):
         lines = lines[2:]  # how many there are
     between = next((mark for mark in ";\t," if lines and mark in lines[0]), " ")
@@ -134,16 +133,15 @@ def _table(data: bytes, suffix: str, vertices: FloatArray) -> list[Point]:
     return points
 
 
-def _without_comments(data: bytes) -> list[str]:
-    """Lines of a .csv file, where labels may have a ``#`` if there are as many cells as above."""
+def _csv_lines(data: bytes) -> list[str]:
+    """Lines without comments; one with as many cells as the first begins with a label."""
     lines: list[str] = []
     for line in text_lines(data, "CSV"):
         kept = re.sub(r'\s#[^"]*$', "", line)
-        if kept.lstrip().startswith("#"):
-            cells = [len(re.findall(r"[;,\t]", one)) for one in (kept, *lines[:1])]
-            if cells[0] == 0 or cells[0] < cells[-1] or not lines:
-                continue
-        if kept.strip():
+        ends = len(re.findall(r"[;,\t]", kept))  # of cells
+        first = len(re.findall(r"[;,\t]", lines[0])) if lines else ends + 1
+        is_comment = kept.lstrip().startswith("#") and ends < max(first, 1)
+        if kept.strip() and not is_comment:
             lines.append(kept)
     return lines
 
