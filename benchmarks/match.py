@@ -206,8 +206,7 @@ def line(label: str, rows: list[Row]) -> str:
     confidence = np.array([row["confidence"] for row in rows])
     right, sure = errors < WRONG, confidence > SURE
     overlaps = np.array([row.get("iou", np.nan) for row in rows])
-    means = [_mean(some[np.isfinite(some)]) for some in (errors[right], errors)]
-    means += [_mean(some[np.isfinite(some)]) for some in (overlaps[right], overlaps)]
+    means = [_mean(some) for some in (errors[right], errors, overlaps[right], overlaps)]
     shares = np.array([row["shares"] for row in rows if "shares" in row]).reshape(-1, 3)
     within = "".join(f"{one:7.1%}" for one in shares.mean(axis=0)) if len(shares) else " " * 21
     return (
@@ -220,7 +219,8 @@ def line(label: str, rows: list[Row]) -> str:
 
 
 def _mean(values: FloatArray) -> float:
-    return float(values.mean()) if len(values) else np.nan
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if len(known) else np.nan
 
 
 def group(row: Row) -> str:

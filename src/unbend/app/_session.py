@@ -104,7 +104,7 @@ class Session:
         """Add a file that is there; a shape is then looked at."""
         with self._changed:
             i = next(self._ids)
-            if path.parent == self.folder:
+            if self.folder in path.parents:
                 self._bytes += path.stat().st_size
             if values:
                 self._values[i] = str(path), label
@@ -170,7 +170,7 @@ class Session:
     def _remove_file(self, path: Path) -> None:
         if self.folder in path.parents:
             with contextlib.suppress(OSError):  # it is gone, or Windows keeps what is being read
-                self._bytes -= path.stat().st_size if path.parent == self.folder else 0
+                self._bytes -= path.stat().st_size
                 path.unlink()
 
     def open_found(self, i: int, n: int) -> int:

@@ -290,7 +290,7 @@ def symmetry(
     tell("refine", 1.0)
     shares = lead_shares(np.array([one.cost for one in found]), sides.partial)
     apart = differences(sides, found)
-    # So do those of slim bodies, and landmarks can confirm that.
+    # Right maps of slim bodies may seem to, too, which landmarks can confirm.
     stays = not len(pairs) and _stays(sides, found[0])
     most = _MISLED if stays else 1.0
     result = make_match(ours, theirs, sides, chosen, found, shares, apart, most)
@@ -313,9 +313,10 @@ def _stays(sides: Sides, found: Candidate) -> bool:
 
     Fins are along the middle, and where both sides are in one pose no limb can seem to stay.
     """
+    if moved_share(sides, found) < _EXCHANGED:
+        return True
     kept, among = kept_extremities(sides, found)
-    limbs = kept > _AXIAL and 2 * kept >= among and found.energy >= constants.FEATURES
-    return limbs or moved_share(sides, found) < _EXCHANGED
+    return kept > _AXIAL and 2 * kept >= among and found.energy >= constants.FEATURES
 
 
 def check_partial(partial: str) -> None:

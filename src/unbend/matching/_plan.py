@@ -234,8 +234,7 @@ def moved_share(sides: Sides, found: Candidate) -> float:
 
 def kept_extremities(sides: Sides, found: Candidate) -> tuple[int, int]:
     """Count extremities that a map of a shape to itself leads near to where they are, and all."""
-    shape = sides.unled().at(MEDIUM)[0]
-    extremities = find_extremities(shape)
+    extremities = find_extremities(sides.at(MEDIUM)[0])
     images = found.registered.forward[extremities.vertices]
     away = extremities.fields[images, np.arange(len(images))]
     return int((away < constants.LIMB / 2).sum()), len(away)

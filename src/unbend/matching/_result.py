@@ -157,10 +157,7 @@ class Match:
             ("confidence", confidence_told(self.confidence)),
             ("mirrored" if mirror else "right side out", f"{kept:.0%} of the surface"),
             *(
-                (
-                    "another map" if i else "this map",
-                    f"energy {one.energy:.1%}",
-                )
+                ("another map" if i else "this map", f"energy {one.energy:.1%}")
                 for i, one in enumerate(self.hypotheses[:5])
             ),
         ]
@@ -176,7 +173,7 @@ def faults_of(match: Match) -> list[str]:
             f"together or is not cycle-consistent (orientation {match.orientation:+.2f}, "
             f"confidence at most {match.confidence_bound:.2f}); look at it, and give landmarks"
         )
-    # Odds that the ratio lowers to a ninth
+    # Where the ratio makes even odds less than one to nine.
     if match.confidence < _SURE and in_one_unit(0.5, match.area_ratio) < 0.1:
         faults.append(
             f"the matched part of the target is {match.area_ratio:.2g} times as large as that of "
