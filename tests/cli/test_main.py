@@ -77,8 +77,10 @@ def test_a_memory_limit_refuses_with_both_figures(
     assert done.exit_code == 2
     assert "MiB of memory and 0 MiB are free" in done.stderr
     assert done.stderr.count("\n") == 1
-    done = invoke(["--memory-limit", "-1", *arguments])
-    assert "must be a number of GiB above 0, not '-1.0'" in done.stderr
+    for wrong in ("-1.0", "nan", "inf"):  # said also where little memory is needed
+        done = invoke(["--memory-limit", wrong, "check", str(tmp_path / "blob.off")])
+        assert (done.exit_code, done.stdout) == (2, "")
+        assert f"must be a number of GiB above 0, not '{wrong}'" in done.stderr
 
 
 def test_version() -> None:

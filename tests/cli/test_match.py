@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial import cKDTree
 
 from animals import dog
 from sheets import make_egg, make_torus
@@ -341,6 +342,25 @@ def test_transfer_carries_labels_weights_and_colors(folder: Path, tmp_path: Path
     given[-1] = folder / "b.vts"
     right(*given, "--values", tmp_path / "parts.csv", "-o", tmp_path / "turned.csv")
     assert (read_values(tmp_path / "turned.csv") == truth).mean() > 0.95
+
+
+def test_values_cross_the_seams_of_the_target_by_a_table(tmp_path: Path) -> None:
+    ball = make_sphere(2)
+    below = ball.vertices[ball.faces].mean(axis=1)[:, 2] < 0  # has vertices of its own
+    faces = ball.faces + ball.n_vertices * below[:, None]
+    used, faces = np.unique(faces, return_inverse=True)
+    cut = ball.vertices[used % ball.n_vertices], faces.reshape(-1, 3)
+    above = np.flatnonzero(used < ball.n_vertices)
+    write_mesh(tmp_path / "ball.ply", ball)
+    write_mesh(tmp_path / "cut.ply", cut)
+    np.save(tmp_path / "map.npy", above[cKDTree(cut[0][above]).query(ball.vertices)[1]])
+    np.save(tmp_path / "heights.npy", ball.vertices[:, 2])
+    given = [tmp_path / "ball.ply", tmp_path / "cut.ply", "--map", tmp_path / "map.npy"]
+    options = ["--values", tmp_path / "heights.npy", "-o", tmp_path / "out.npy", "--json"]
+    done = right("transfer", *given, *options)
+    assert np.isfinite(np.load(tmp_path / "out.npy")).all()
+    assert json.loads(done.stdout)["n_without_preimage"] == 0
+    assert "correspond to none" not in done.stderr
 
 
 def test_an_unsure_match_is_told_but_not_written_and_exits_with_3(tmp_path: Path) -> None:

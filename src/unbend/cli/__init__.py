@@ -23,7 +23,7 @@ import typer
 from typer.core import TyperGroup
 
 from unbend import __version__
-from unbend._memory import LIMIT_VARIABLE
+from unbend._memory import LIMIT_VARIABLE, available_memory
 from unbend.cli import (
     cache,
     canonical,
@@ -136,6 +136,7 @@ def _global_options(
     """Take the options that come before a command."""
     if memory_limit is not None:
         os.environ[LIMIT_VARIABLE] = str(memory_limit)
+        available_memory()  # raises InputError if that is no limit
 
 
 def _interrupt_again(ignored: Any) -> None:

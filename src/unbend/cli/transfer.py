@@ -92,7 +92,7 @@ def transfer(
     if isinstance(found, unbend.Match):
         forward, back = found.source_to_target, found.target_to_source
     else:
-        forward, back = found, io.invert_map(found, b)
+        forward, back = found, unbend.correspondence.inverted(found, b)
     output.progress("carrying", 0)
     errors: Any = getattr(found, "expected_error", None)
     if expected_error is not None and errors is None:

@@ -15,6 +15,7 @@ from unbend.correspondence._transfer import (
     value_kind,
 )
 from unbend.correspondence._transfer import checked_numbers as checked_numbers
+from unbend.correspondence._transfer import inverted as inverted
 
 __all__ = [
     "THRESHOLDS",

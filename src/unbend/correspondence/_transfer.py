@@ -245,6 +245,12 @@ def positions_on_target(
     return positions
 
 
+def inverted(images: IntArray, target: Mesh) -> IntArray:
+    """Invert a map as :func:`unbend.io.invert_map` does, and across the target's seams."""
+    whole, number = join_seams(target)
+    return invert_map(np.where(images < 0, -1, number[images]), whole)[number]
+
+
 def _preimages(
     match: Match | npt.ArrayLike, images: IntArray, source: Mesh | None, target: Mesh | None
 ) -> tuple[IntArray, FloatArray]:
@@ -255,8 +261,7 @@ def _preimages(
                 "a map given as an array maps from source to target: to invert it, give the "
                 "target's mesh too, or give a Match"
             )
-        whole, number = join_seams(target)
-        vertices = invert_map(np.where(images < 0, -1, number[images]), whole)[number]
+        vertices = inverted(images, target)
         return vertices[:, None], np.ones((len(vertices), 1))
     vertices = match.target_to_source
     if match.faces is not None and (source is None) != (target is None):

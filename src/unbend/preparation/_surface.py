@@ -39,6 +39,7 @@ _REACH = 5.0  # distance of points from the surface, in spacings
 _FACING = 0.3  # cosine of the angle between a face and the normals of its corners
 _SMALL = 30  # area of an unsupported patch that is kept, in squared spacings
 _LEAST_LEVEL = 0.3  # median winding number at the points; one half on a surface, 0 on a line
+_LEAST_SHARE = 0.1  # of the points, that are on the largest piece of their surface
 # Mean length of the mean unit normal of a point and its neighbours: 0.88 to 0.93 for bodies with
 # noise of 1 % of their size, less where points are farther apart than parts are thick.
 _AGREEMENT = 0.86
@@ -139,11 +140,12 @@ def _surface_of_points(cloud: Mesh) -> PointSurface:
     grid = Grid(points, cell)
     normals, field = winding_number(grid, len(points))
     level = float(np.median(grid.values(field)))
+    no_surface = MeshError(
+        f"{cloud.name}: its points are too sparse or too noisy for a surface, or lie along lines; "
+        "use more points, or a mesh"
+    )
     if level < _LEAST_LEVEL or _agreement(points, normals) < _AGREEMENT:
-        raise MeshError(
-            f"{cloud.name}: its points are too sparse or too noisy for a surface; use more points, "
-            "or a mesh"
-        )
+        raise no_surface
     normals = unit_vectors(normals)
     chosen = np.arange(len(points))
     if share < 1:  # one point of each cell that has any
@@ -157,6 +159,8 @@ def _surface_of_points(cloud: Mesh) -> PointSurface:
     kept[kept] = _supported(faces[kept], points, normals, spacing)
     if kept[~cut].all():  # what is partial anyway stays open at cuts, too
         kept[:] = True
+    if not kept.any():
+        raise no_surface
     point, faces = split(faces[kept], edges[kept])
     largest = find_components(faces, len(point)).of_vertex == 0
     vertices = points[point[largest]]
@@ -169,6 +173,8 @@ def _surface_of_points(cloud: Mesh) -> PointSurface:
     vertices += _APART * (inward - vertices)
     away, vertex_of_point = cKDTree(vertices).query(everything)
     vertex_of_point[away > _REACH * max(fine, cell)] = -1
+    if (vertex_of_point >= 0).mean() < _LEAST_SHARE:
+        raise no_surface
     point_of_vertex = cKDTree(everything).query(vertices)[1]
     for numbers in (vertex_of_point, point_of_vertex):  # others get the same
         numbers.setflags(write=False)

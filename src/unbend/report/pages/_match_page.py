@@ -15,9 +15,9 @@ import numpy.typing as npt
 from unbend._types import BoolArray, FloatArray, IntArray, Progress, StrPath
 from unbend.canonical import canonical_form
 from unbend.choices import Axis
-from unbend.correspondence import as_point_map, carry, evaluate, morph
+from unbend.correspondence import as_point_map, carry, evaluate, inverted, morph
 from unbend.errors import InputError, heard
-from unbend.io import MeshLike, invert_map
+from unbend.io import MeshLike
 from unbend.matching import Match
 from unbend.mesh import Mesh, edge_ends, vertex_areas
 from unbend.preparation import join_seams
@@ -227,7 +227,7 @@ def _pack_map(
     ours, theirs = shown
     source, target = ours.mesh, theirs.mesh
     forward = as_point_map(match)
-    backward = match.target_to_source if isinstance(match, Match) else invert_map(forward, target)
+    backward = match.target_to_source if isinstance(match, Match) else inverted(forward, target)
     carried = carry(source.vertices, match, "scalar", source, target)
     expected = match.expected_error if isinstance(match, Match) else None
     # Rigid motion, perhaps with a reflection, of the source's form onto the target's.
