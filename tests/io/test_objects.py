@@ -205,6 +205,8 @@ def test_what_meshio_says_is_the_reason(
             "*NODE\n1,0.,0.,0.\n*Node print\n*INCLUDE, INPUT=b.inp\n",
             "includes other files",
         ),
+        ("a.inp", "*NODE\n1,0.,0.,0.\n*Element, type=S3, input=b.txt\n", "includes other files"),
+        ("a.inp", "*Node, nset=all,\ninput = b.txt\n", "includes other files"),
     ],
 )
 def test_what_meshio_would_read_wrong_is_refused(

@@ -143,9 +143,11 @@ def _refuse_misread(suffix: str, data: bytes) -> None:
     if keyword := re.search(rb"(?m)^\*(?:NGEN|NFILL|NCOPY|ELGEN|ELCOPY)\b", text):
         word = keyword[0].decode()
         raise FileError(f"generates nodes or elements by {word}, which is not read; save them all")
-    words = re.findall(rb"(?m)^\*(NODE|INSTANCE|INCLUDE)[ \t]*(?:,|\r?$)", text)
-    if b"INCLUDE" in words:
+    # A line that ends in a comma goes on.
+    elsewhere = rb"(?:NODE|ELEMENT)[ \t]*,(?:.*,[ \t\r]*\n)?.*\bINPUT *="
+    if re.search(rb"(?m)^\*(?:INCLUDE\b|" + elsewhere + rb")", text):
         raise FileError("includes other files, which are not read; save it as one")
+    words = re.findall(rb"(?m)^\*(NODE|INSTANCE)[ \t]*(?:,|\r?$)", text)
     if len({*words}) < len(words):
         raise FileError("has several parts, which are not read; save one alone")
 
