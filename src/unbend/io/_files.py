@@ -86,9 +86,9 @@ def read_bytes(path: Path, suffixes: Collection[str]) -> bytes:
     """
     if os.path.isdir(path):
         raise FileError(f"cannot read {path}: it is a folder; give a file's name")
+    check_suffix(path, suffixes, "read")
     try:
         status = path.stat()
-        check_suffix(path, suffixes, "read")
         if not stat.S_ISREG(status.st_mode):  # a pipe may never end, nor a device
             raise FileError(f"cannot read {path}: it is not a regular file")
         # Asking takes as long as reading a small file does.
