@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, get_args
 
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import array_of, check_choice, check_whole
+from unbend._arrays import check_choice, check_whole
 from unbend._display import MIRROR_FITS
 from unbend._parallel import one_blas_thread, run_all
-from unbend._types import IntArray, Progress
+from unbend._types import Progress
 from unbend.choices import Partial
 from unbend.errors import InputError, warn
 from unbend.io import MeshLike, as_mesh
 from unbend.matching import _constants as constants
 from unbend.matching._inputs import Input, prepare_shape, prepare_shapes
+from unbend.matching._landmarks import MISLED, labelled, warn_of_misleading, warn_of_missed
 from unbend.matching._outcome import (
     as_taken,
     below_vertices,
@@ -41,7 +42,6 @@ from unbend.matching._polish import exact, refined, reranked, with_partners, wit
 from unbend.matching._result import Match, warn_of_faults
 from unbend.matching._score import Candidate, lead_shares, ranked, roundness_bound
 from unbend.matching._touching import search_apart
-from unbend.mesh import Mesh, vertex_ids
 
 _N_EIGENPAIRS, _LEAST_EIGENPAIRS = 30, 4
 # Share of the area that a symmetry leads to another limb, or farther. Of people, animals, fish and
@@ -49,8 +49,6 @@ _N_EIGENPAIRS, _LEAST_EIGENPAIRS = 30, 4
 _EXCHANGED = 0.28
 # Extremities that may be their own partners, a head and a tail; more are, if less than half of all.
 _AXIAL = 2
-# The highest confidence of such a map, and of one that landmarks lead to and another fits better.
-_MISLED = 0.5
 
 
 @one_blas_thread()
@@ -156,7 +154,7 @@ def match(
     n_eigenpairs = check_whole(n_eigenpairs, "n_eigenpairs", _LEAST_EIGENPAIRS)
     torn = [partial in ("auto", "both", side) for side in ("source", "target")]
     source, target = as_mesh(source, "source"), as_mesh(target, "target")
-    labels, pairs = _labelled(landmarks, source, target)
+    labels, pairs = labelled(landmarks, source, target)
     tell = progress or (lambda stage, share: None)
     tell("spectrum", 0.0)
     inputs = prepare_shapes((source, target), n_eigenpairs, torn)
@@ -176,7 +174,7 @@ def match(
     )
     misleading = misleading_landmarks([*rivals, *other_hand])
     if misleading:
-        most = min(most, _MISLED)
+        most = min(most, MISLED)
     if other_hand:
         warn(MIRROR_FITS)
     found = without_extras(sides, found, torn)
@@ -204,8 +202,8 @@ def match(
         other = finished(without_extras(sides, turned, torn)[0], fine)
         images = vertex_images(ours, as_taken(theirs, other), other.registered)
         result = replace(result, mirrored=images)
-    _warn_of_missed(result, labels, pairs)
-    _warn_of_misleading(misleading, labels, pairs)
+    warn_of_missed(result, labels, pairs)
+    warn_of_misleading(misleading, labels, pairs)
     warn_of_faults(result)
     return result
 
@@ -271,7 +269,7 @@ def symmetry(
     """
     n_eigenpairs = check_whole(n_eigenpairs, "n_eigenpairs", _LEAST_EIGENPAIRS)
     mesh = as_mesh(mesh)
-    labels, pairs = _labelled(landmarks, mesh, mesh)
+    labels, pairs = labelled(landmarks, mesh, mesh)
     both = np.concatenate([pairs, pairs[:, ::-1]])
     vertices, counts = np.unique(np.unique(both, axis=0)[:, 0], return_counts=True)
     if (counts > 1).any():
@@ -292,18 +290,18 @@ def symmetry(
     apart = differences(sides, found)
     # Right maps of slim bodies may seem to, too, which landmarks can confirm.
     stays = not len(pairs) and _stays(sides, found[0])
-    most = _MISLED if stays else 1.0
+    most = MISLED if stays else 1.0
     result = make_match(ours, theirs, sides, chosen, found, shares, apart, most)
     missed = sorted({row % len(pairs) for row in result.missed_landmarks})
     result = replace(result, missed_landmarks=tuple(missed))
-    _warn_of_missed(result, labels, pairs)
+    warn_of_missed(result, labels, pairs)
     warn_of_faults(result)
     if stays:
         warn(
             f"{ours.surface.mesh.name}: much is led near to where it is, as if back and belly were "
             "exchanged, not left and right, or limbs stayed on their sides; if so, give two "
             "vertices as a landmark that are each other's partners, such as the tips of two limbs; "
-            f"the confidence is at most {_MISLED}"
+            f"the confidence is at most {MISLED}"
         )
     return result
 
@@ -324,33 +322,6 @@ def check_partial(partial: str) -> None:
     check_choice(partial, "partial", get_args(Partial))
 
 
-def landmark_pairs(landmarks: npt.ArrayLike, name: str = "landmarks") -> IntArray:
-    """Check that landmarks are rows of two whole numbers, or none; return them (l, 2)."""
-    pairs = array_of(landmarks, name)
-    if not pairs.size:
-        return np.empty((0, 2), dtype=np.int64)
-    whole = np.issubdtype(pairs.dtype, np.integer)
-    if pairs.ndim != 2 or pairs.shape[1] != 2 or not whole:
-        raise InputError(
-            f"{name} must be rows of two vertex numbers, of the source and of the target, not an "
-            f"array of shape {pairs.shape} and type {pairs.dtype}"
-        )
-    return pairs
-
-
-def _labelled(
-    landmarks: npt.ArrayLike | Mapping[str, Any] | None, source: Mesh, target: Mesh
-) -> tuple[list[str], IntArray]:
-    """Give labels of landmarks, if they have any, and their vertices (l, 2), which exist."""
-    labels: list[str] = []
-    if isinstance(landmarks, Mapping):
-        labels, landmarks = list(landmarks), list(landmarks.values())
-    pairs = landmark_pairs([] if landmarks is None else landmarks)
-    for vertices, mesh in zip(pairs.T, (source, target), strict=True):
-        vertex_ids(vertices, mesh.n_vertices, mesh.name)
-    return labels, pairs
-
-
 def _finished(
     sides: Sides,
     candidate: Candidate,
@@ -362,31 +333,6 @@ def _finished(
     """Register a candidate on the shapes themselves, if it is not in ``fine``, and finish it."""
     polished = fine.get(candidate) or refined(sides, candidate, polish=polish)
     return with_partners(exact(sides, polished), sides, least)
-
-
-def _warn_of_missed(result: Match, labels: list[str], pairs: IntArray) -> None:
-    for row in result.missed_landmarks:
-        told, (source, target) = _named_landmark(row, labels, pairs), pairs[row]
-        if result.source_to_target[source] < 0 or result.target_to_source[target] < 0:
-            warn(f"{told} has no partner by the map")
-        else:
-            warn(f"{told} is ignored: it contradicts the best-fitting map")
-
-
-def _warn_of_misleading(rows: Sequence[int], labels: list[str], pairs: IntArray) -> None:
-    names = [_named_landmark(row, labels, pairs) for row in rows]
-    if len(names) > 2:
-        names[2:] = [f"{len(names) - 2} more"]
-    if names:
-        warn(
-            f"{' and '.join(names)}: another map fits far better, so perhaps a landmark is wrong, "
-            f"or left and right are exchanged; the confidence is at most {_MISLED}"
-        )
-
-
-def _named_landmark(row: int, labels: list[str], pairs: IntArray) -> str:
-    which = f"landmark {labels[row]!r}" if labels else "the landmark"
-    return f"{which} at vertices {pairs[row, 0]} and {pairs[row, 1]}"
 
 
 def _bound_by_roundness(ours: Input, theirs: Input) -> float:
