@@ -150,7 +150,7 @@ def test_match_takes_a_component(tmp_path: Path) -> None:
     assert np.isfinite(carried[42:]).mean() > 0.9
     refused = run(*shlex.split(said)[:-2])
     assert refused.exit_code == 2
-    assert "choose the same component as then, or match again" in refused.stderr
+    assert "source and target as then, choose the same component, or match again" in refused.stderr
 
 
 def test_match_of_a_part_with_hints_and_alternatives(tmp_path: Path) -> None:

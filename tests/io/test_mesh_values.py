@@ -142,6 +142,9 @@ def test_a_mesh_without_values_says_so(tmp_path: Path) -> None:
     write_mesh(tmp_path / "a.obj", SQUARE)
     with pytest.raises(FileError, match=r"no values per vertex$"):
         read_values(tmp_path / "a.obj")
+    (tmp_path / "a.off").write_text("COFF\n1 0 0\n0 0 0 255 0 0 255\n")
+    with pytest.raises(FileError, match=r"per vertex; its colours are not read: save it as \.ply$"):
+        read_values(tmp_path / "a.off")
     (tmp_path / "a.csv").write_text("part,side\n1,2\n")
     with pytest.raises(InputError, match=r"all its columns are taken: .* keep the column part"):
         read_values(tmp_path / "a.csv", name="part")

@@ -127,7 +127,7 @@ def transfer(
     lost = int((back < 0).sum())
     if lost:
         output.say("note", f"{lost:,} vertices of {b.name} correspond to none of the source")
-    width = "" if carried.ndim == 1 else f" x {carried.shape[1]}"
+    width = "".join(f" x {k}" for k in carried.shape[1:])
     n_known = len(carried) if is_markup else len(carried) - lost
     if carried.dtype.kind == "f":
         n_known = int((~np.isnan(carried)).reshape(len(carried), -1).any(axis=1).sum())

@@ -225,7 +225,7 @@ def positions_on_target(
         ):
             raise InputError(
                 f"the match names faces that {target.name} does not have, or has in another order: "
-                "choose the same component as then, or match again"
+                "give source and target as then, choose the same component, or match again"
             )
         weights = match.weights[there]
         wrong = ~(np.abs(weights.sum(axis=1) - 1) <= _ROUNDING)

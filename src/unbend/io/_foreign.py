@@ -252,12 +252,15 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
         raise FileError("holds no vertices")
     places, corners = np.concatenate(vertices), np.concatenate(faces)
     values = [_values(part, linear=suffix in _GLTF) for part in parts]
+    names = dict.fromkeys(name for one in values for name in one)  # in one order
     shared = {
         name: np.concatenate([one[name] for one in values])
-        for name in values[0]  # in one order, which a set has not
+        for name in names
         if all(name in one for one in values)
     }
     notes = ["read by trimesh", *left_out]
+    if some := [name for name in ("color", "uv") if name in names and name not in shared]:
+        notes.append(f"{' and '.join(some)} left out, since some parts have none")
     if suffix == ".dae":
         notes.append("its vertices are numbered as trimesh reads them, not in the file's order")
     return Contents(places, corners, tuple(notes), lambda: shared)
@@ -279,7 +282,7 @@ def moved_glb(data: bytes, vertices: FloatArray, mesh: Mesh) -> bytes:
     if not gltf.is_movable(data):
         raise FileError(
             "nothing but its shape can be kept, because of bones, morph targets, compression, "
-            "lines or copies of parts"
+            "lines, copies of parts or parts that are not shown"
         )
     given = io.BytesIO(gltf.readable(".glb", data)[0])
     places, at = [], 0

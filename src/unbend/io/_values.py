@@ -29,6 +29,7 @@ from unbend.io._foreign import MeshLike
 from unbend.io._meshes import READ_SUFFIXES, as_mesh, file_extras, read_contents
 from unbend.io._value_tables import read_table_of_values
 from unbend.io._writing import COLOR_SUFFIXES, SCALAR_SUFFIXES, TAKEN, write_mesh
+from unbend.io.formats.contents import Contents
 from unbend.io.formats.npy import read_array, write_array
 
 VALUE_SUFFIXES = (".npy", ".csv", ".txt")
@@ -116,7 +117,7 @@ def read_named_values(
     given: Any = read_contents(path) if of_mesh else read_bytes(path, known)
     with prefixed(path.name):
         if of_mesh:
-            values, names = _of_mesh(given.values(), name, path)
+            values, names = _of_mesh(given, name, path)
         elif suffix == ".npy":
             values, names = read_array(given), []
         else:
@@ -131,9 +132,10 @@ def read_named_values(
 
 
 def _of_mesh(
-    columns: dict[str, npt.NDArray[Any]], name: str | None, path: Path
+    contents: Contents, name: str | None, path: Path
 ) -> tuple[npt.NDArray[Any], list[str]]:
     """Choose among the values per vertex of a mesh file."""
+    columns = contents.values()
     found = _grouped(columns)
     own = [key for key in found if key not in ("color", "uv")] or list(found)
     if name is None and (len(own) == 1 or own == ["color", "uv"]):
@@ -144,13 +146,16 @@ def _of_mesh(
             if (alpha < opaque).any():
                 warn(_OPAQUE)
         return found[name], _numbered(name, found[name][:1].size)
-    hint = ""
-    if "texture coordinates" in file_extras(path):
+    hint, extras = "", file_extras(path)
+    if "texture coordinates" in extras:
         hint = "; registering carries its texture"
+    elif "colours" in extras and "color" not in found:
+        hint = "; its colours are not read: save it as .ply"
     elif _OF_CELLS.search(data := path.read_bytes()):
         hint = "; values of cells are not read: ParaView's Cell Data to Point Data converts them"
     elif b'"WEIGHTS_0"' in data:  # of glTF
         hint = "; its skinning weights are not read: in Blender, unbend's extension carries them"
+    hint += "".join(f"; {note}" for note in contents.notes if "left out, since" in note)
     if not found:
         raise FileError(f"holds no values per vertex{hint}")
     lacks = "" if name is None else f"no {name}, but "

@@ -155,6 +155,41 @@ def test_meshes_with_bones_are_where_the_first_bone_puts_them(
     assert "bones and their weights left out" in mesh.notes[1]
 
 
+def test_parts_outside_the_scene_that_is_shown_are_left_out_with_a_note(tmp_path: Path) -> None:
+    given = document()
+    given["nodes"] = [{"children": [1]}, {"mesh": 0}, {"mesh": 1, "translation": [0, 0, 9]}]
+    given["meshes"].append(
+        {"primitives": [{"attributes": {"POSITION": len(given["accessors"])}, "indices": 1}]}
+    )
+    given["accessors"].append(given["accessors"][0])
+    given["scenes"] = [{"nodes": [2]}, {"nodes": [0]}]
+    given["scene"] = 1
+    write(tmp_path / "a.glb", given)
+    mesh = read_mesh(tmp_path / "a.glb")
+    np.testing.assert_array_equal(mesh.vertices, QUAD)
+    assert mesh.notes[1:] == ("1 part left out, outside the scene that is shown",)
+    assert not keeps_all("b.glb", tmp_path / "a.glb")
+    with pytest.raises(FileError, match=r"nothing but its shape .* parts that are not shown"):
+        write_mesh(tmp_path / "b.glb", mesh, like=tmp_path / "a.glb")
+    given["scenes"][1]["nodes"] = [0, 2]
+    write(tmp_path / "a.glb", given)
+    assert read_mesh(tmp_path / "a.glb").notes == ("read by trimesh",)
+    assert keeps_all("b.glb", tmp_path / "a.glb")
+
+
+def test_values_that_some_parts_lack_are_named(blob: Mesh, tmp_path: Path) -> None:
+    scene = trimesh.Scene()
+    for colors in (None, np.full((642, 4), 255)):
+        scene.add_geometry(
+            trimesh.Trimesh(blob.vertices, blob.faces, vertex_colors=colors, process=False)
+        )
+    scene.export(tmp_path / "a.glb")
+    why = "color left out, since some parts have none"
+    assert why in read_mesh(tmp_path / "a.glb").notes
+    with pytest.raises(FileError, match=rf"^a\.glb: holds no values per vertex; {why}$"):
+        read_values(tmp_path / "a.glb")
+
+
 def test_morph_targets_are_left_out_with_a_note(tmp_path: Path) -> None:
     write(tmp_path / "a.glb", changed("meshes/0/weights", [0, 1]))
     assert "morph targets left out" in read_mesh(tmp_path / "a.glb").notes[1]

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._arrays import first_equal_row, unit_vectors
+from unbend._text import plural
 from unbend._types import FloatArray, IntArray
 from unbend.errors import FileError
 from unbend.mesh import vertex_normals
@@ -98,10 +99,12 @@ def write(
 def is_movable(data: bytes) -> bool:
     """Whether :func:`move` can move the vertices of a .glb file.
 
-    Not if it has bones, morph targets, compression, lines, parts that share vertices, or copies.
+    Not if it has bones, morph targets, compression, lines, parts that share vertices or are not
+    shown, or copies.
     """
     document = _document(data)[0]
     primitives, nodes = _primitives(document), document.get("nodes", [])
+    placed = sorted(one["mesh"] for one in nodes if "mesh" in one)
     places = [document["accessors"][one["attributes"]["POSITION"]] for one in primitives]
     return (
         all("skin" not in one for one in nodes)
@@ -111,8 +114,7 @@ def is_movable(data: bytes) -> bool:
         and ["uri" in one for one in document.get("buffers", [])] == [False]
         and all("bufferView" in one and one["componentType"] == _FLOAT for one in places)
         and len({id(one) for one in places}) == len(places)
-        and sorted(one["mesh"] for one in nodes if "mesh" in one)
-        == [*range(len(document["meshes"]))]
+        and placed == sorted(_shown(document)) == [*range(len(document["meshes"]))]
     )
 
 
@@ -208,6 +210,8 @@ def readable(suffix: str, data: bytes) -> tuple[bytes, list[str]]:
         rest = data[at + size :]
         data = _beginning(document, len(rest)) + rest
     meshes, nodes = document.get("meshes", []), document.get("nodes", [])
+    if hidden := sum("mesh" in one for one in nodes) - len(_shown(document)):
+        notes.append(f"{plural(hidden, 'part')} left out, outside the scene that is shown")
     if any(any(one.get("weights", [])) for one in meshes + nodes):
         notes.append("morph targets left out: the shape is the one that they change")
     return data, notes
@@ -215,6 +219,19 @@ def readable(suffix: str, data: bytes) -> tuple[bytes, list[str]]:
 
 def _primitives(document: dict[str, Any]) -> list[dict[str, Any]]:
     return [one for mesh in document.get("meshes", []) for one in mesh["primitives"]]
+
+
+def _shown(document: dict[str, Any]) -> list[int]:
+    """Meshes that are placed by the scene that is shown."""
+    nodes = document.get("nodes", [])
+    left = [*document.get("scenes", [{}])[document.get("scene", 0)].get("nodes", [])]
+    found: set[int] = set()
+    while left:
+        number = left.pop()
+        if number not in found:
+            found.add(number)
+            left += nodes[number].get("children", [])
+    return [nodes[number]["mesh"] for number in found if "mesh" in nodes[number]]
 
 
 def _refuse(document: dict[str, Any]) -> None:
