@@ -20,9 +20,9 @@ def sphere(n: int, noise: float = 0) -> FloatArray:
     return np.asarray(points + noise * chance.standard_normal((n, 3)))
 
 
-def helix(pitch: float) -> FloatArray:
-    angles = np.linspace(0, 12 * np.pi, 2000)
-    return np.stack([np.cos(angles), np.sin(angles), pitch * angles], axis=1)
+def helix(turns: int) -> FloatArray:
+    angles = np.linspace(0, 2 * np.pi * turns, 600)
+    return np.stack([np.cos(angles), np.sin(angles), 0.1 * angles], axis=1)
 
 
 def torus(n: int, noise: float = 0, thick: float = 0.4) -> FloatArray:
@@ -197,10 +197,10 @@ def test_each_point_knows_the_nearest_vertex_and_back() -> None:
         (np.random.default_rng(4).random((6000, 3)) * [1, 0.3, 2], "its points fill a volume, or"),
         (np.outer(np.arange(6000.0), [1, 2, 3]), "too long and thin to find the surface"),
         (np.random.default_rng(5).random((3000, 3)) * [1, 1, 0], "its points lie in a plane"),
-        (helix(0.1), "or lie along lines"),  # no piece of surface is left
-        (helix(0.2), "or lie along lines"),  # one of 9 vertices was
+        (helix(3), "or lie along lines"),  # no piece of surface is left
+        (helix(6), "or lie along lines"),  # a small one is
     ],
-    ids=["few", "repeated", "volume", "box", "line", "plane", "flat helix", "helix"],
+    ids=["few", "repeated", "volume", "box", "line", "plane", "helix", "dense helix"],
 )
 def test_points_without_a_surface_are_refused(points: FloatArray, sentence: str) -> None:
     with pytest.raises(MeshError, match=sentence):
