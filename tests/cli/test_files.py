@@ -225,6 +225,9 @@ def test_landmarks_are_carried_and_lead_a_match(folder: Path) -> None:
     done = invoke(["transfer", "a.ply", "b.ply", "--values", "weights.json", "-o", "w.csv"])
     assert done.exit_code == 2
     assert "w.csv: weights.json is read as landmarks, which go into a .mrk.json" in done.stderr
+    done = invoke(["transfer", "a.ply", "b.ply", "--values", "w.npy", "-o", "w.json"])
+    assert done.exit_code == 2
+    assert "w.json: .json files hold landmarks, which w.npy does not; write .csv" in done.stderr
     np.savetxt("points.csv", SOURCE.vertices[[3, 500]], delimiter=",")
     right(
         "transfer", "a.ply", "b.ply", "--values", "points.csv", "-o", "c.json", "--map", "map.npy"

@@ -38,6 +38,12 @@ def test_labels_without_a_header_keep_their_first(tmp_path: Path) -> None:
     assert read_values(tmp_path / "a.csv", n_vertices=1).tolist() == ["tail"]
 
 
+def test_a_name_of_a_column_that_seems_to_be_a_label_is_told(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("part\nhead\ntail\ntail\n")
+    with pytest.warns(UnbendWarning, match="first line, 'part', is taken as the label of vertex 0"):
+        assert read_values(tmp_path / "a.csv", n_vertices=4)[0] == "part"
+
+
 def test_a_word_before_numbers_is_no_label(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("label\n7\n8\n")
     assert read_values(tmp_path / "a.csv", n_vertices=2).tolist() == [7, 8]
@@ -274,6 +280,8 @@ def test_what_a_format_cannot_hold(blob: Mesh, tmp_path: Path) -> None:
             write_values(tmp_path / name, values, blob)
     with pytest.raises(FileError, match="unknown suffix"):
         write_values(tmp_path / "a.stl", np.zeros(642), blob)
+    with pytest.raises(InputError, match="not 2 numbers; write .ply"):
+        write_values(tmp_path / "a.glb", np.full((642, 2), 0.5), blob, kind="weights")
     assert list(tmp_path.iterdir()) == []
 
 

@@ -60,6 +60,11 @@ def transfer(
             f"cannot write {out}: {values} is read as landmarks, which go into a .mrk.json file; "
             "give other values in a .npy, .csv or .txt file"
         )
+    if is_markup and not values.lower().endswith((*io.MARKUP_SUFFIXES, ".csv", ".txt")):
+        raise InputError(
+            f"cannot write {out}: .json files hold landmarks, which {values} does not; write "
+            ".csv, .npy, .txt, .ply, .vtp, .obj or .glb"
+        )
     io.check_writable(out, (".json",) if is_markup else io.VALUE_SUFFIXES + io.COLOR_SUFFIXES)
     if is_markup and expected_error is not None:
         io.check_writable(expected_error, (".csv",))

@@ -334,9 +334,13 @@ def checked_numbers(array: npt.NDArray[Any], kind: str) -> FloatArray:
         wrong = ~((numbers >= 0).all(axis=1) & (np.abs(numbers.sum(axis=1) - 1) < 1e-3))
         if wrong.any():
             row = wrong.argmax()
+            total, least = numbers[row].sum(), numbers[row].min()
+            advice = "divide by the sums" if total else "give each vertex at least one"
+            if np.isnan(total):
+                advice = "write 0 where one is missing"
             raise InputError(
-                "weights must be non-negative and sum to one in each row: divide by the sums; "
-                f"row {row} sums to {numbers[row].sum():g}, its least is {numbers[row].min():g}"
+                f"weights must be non-negative and sum to one in each row: {advice}; "
+                f"row {row} sums to {total:g}, its least is {least:g}"
             )
     if kind == "uv" and (numbers.ndim != 2 or numbers.shape[1] != 2):
         raise InputError(f"texture coordinates must have two columns, not {numbers.shape}")

@@ -11,12 +11,14 @@ from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
-from unbend._types import FloatArray, StrPath
+from unbend._arrays import first_equal_row
+from unbend._types import FloatArray, IntArray, StrPath
 from unbend.errors import FileError, InputError, MissingExtraError
 from unbend.io.formats import gltf
 from unbend.io.formats.contents import NO_FACES, Contents, triangulate
-from unbend.mesh import Mesh
+from unbend.mesh import Mesh, label_linked
 
 _GLTF = (".glb", ".gltf")
 _TRIMESH = (*_GLTF, ".3mf", ".dae")
@@ -27,6 +29,7 @@ _NIBABEL = (".gii", *_FREESURFER, *FREESURFER_VALUES)
 _READ_BY_NIBABEL = ("read by nibabel",)
 # GIFTI's intents, numbered as in NIfTI.
 _LABEL, _POINTSET, _TRIANGLE, _NODE_INDEX = 1002, 1008, 1009, 2002
+_STEPS = 4 * float(np.finfo(np.float32).eps)  # by which rounding moves what is placed, at most
 FOREIGN_SUFFIXES = (*_TRIMESH, *_MESHIO, *_NIBABEL)
 
 
@@ -235,6 +238,7 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
     scene = trimesh.load_scene(io.BytesIO(given), file_type=suffix[1:], process=False)
     parts = []
     vertices, faces, at = [np.empty((0, 3))], [NO_FACES], 0
+    step = 0.0  # to which positions are exact
     for part, placement in _placed(scene):
         if gltf.DRACO.encode() in data and not part.vertices.any():  # trimesh goes on without them
             raise FileError(
@@ -245,12 +249,16 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
         x, y, z = part.vertices.T[:, :, None]
         a, b, c, shift = placement[:3].T
         vertices.append(x * a + y * b + z * c + shift)  # @ may round equal rows differently
+        farthest = np.abs(part.vertices).max(initial=0) * np.abs(placement[:3, :3]).max()
+        step = max(step, _STEPS * float(farthest + np.abs(shift).max()))
         corners = np.asarray(getattr(part, "faces", NO_FACES)) + at
         faces.append(corners[:, ::-1] if np.linalg.det(placement[:3, :3]) < 0 else corners)
         at += len(part.vertices)
     if not parts:
         raise FileError("holds no vertices")
     places, corners = np.concatenate(vertices), np.concatenate(faces)
+    if len(parts) > 1 and np.isfinite(places).all():
+        places = _joined(places, np.repeat(np.arange(len(vertices)), [*map(len, vertices)]), step)
     values = [_values(part, linear=suffix in _GLTF) for part in parts]
     names = dict.fromkeys(name for one in values for name in one)  # in one order
     shared = {
@@ -264,6 +272,14 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
     if suffix == ".dae":
         notes.append("its vertices are numbered as trimesh reads them, not in the file's order")
     return Contents(places, corners, tuple(notes), lambda: shared)
+
+
+def _joined(places: FloatArray, part: IntArray, step: float) -> FloatArray:
+    """Positions (n, 3), one where those of different parts differ by rounding alone."""
+    first, number = np.unique(first_equal_row(places), return_inverse=True)
+    links = cKDTree(places[first]).query_pairs(step, output_type="ndarray").T
+    label = label_linked(links[:, np.not_equal(*part[first][links])], len(first))
+    return places[first[np.unique(label, return_index=True)[1][label[number]]]]
 
 
 def _placed(scene: Any) -> Iterator[tuple[Any, FloatArray]]:

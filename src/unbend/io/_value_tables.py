@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._text import plural
-from unbend.errors import FileError
+from unbend.errors import FileError, warn
 from unbend.io.formats.contents import are_numbers, misfit, refuse_blank_rows, text_lines
 
 _MOST_LETTERS = 1000
@@ -85,7 +85,18 @@ def read_table_of_values(
         problem += "; landmarks go into a .mrk.json file by unbend transfer"
         raise misfit(f"row {bad}", " ".join(rows[bad]), problem)
     else:
-        _refuse_numbers_as_labels([row[0] for row in rows])
+        words = [row[0] for row in rows]
+        _refuse_numbers_as_labels(words)
+        labels = {*words}
+        if (
+            suffix == ".csv"
+            and not header
+            and words.count(words[0]) == 1 < len(labels) < len(words)
+        ):
+            warn(
+                f"the first line, {words[0]!r}, is taken as the label of vertex 0; if it names the "
+                "column, a row is missing"
+            )
     return table[:, 0] if table.shape[1] == 1 else table, header
 
 

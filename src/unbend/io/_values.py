@@ -319,7 +319,7 @@ def check_storable(path: StrPath, values: npt.NDArray[Any], kind: str) -> None:
     suffix = Path(path).suffix.lower()
     if suffix in SCALAR_SUFFIXES and values.dtype.kind == "U":
         raise InputError(f"{suffix} files cannot hold text for each vertex; write .csv")
-    if suffix in (".obj", ".glb") and kind == "scalar" and values[:1].size > 1:
+    if suffix in (".obj", ".glb") and kind in ("scalar", "weights") and values[:1].size > 1:
         raise InputError(
             f"{suffix} files show a colour for each vertex, not {values[:1].size} numbers; "
             "write .ply"

@@ -353,12 +353,56 @@ def test_of_other_files_only_the_shape_is_kept(tmp_path: Path, where: str, value
         write_mesh(tmp_path / "b.glb", (QUAD, FACES), like=path)
 
 
-def test_normals_that_are_no_floats_are_left_out(tmp_path: Path) -> None:
-    write(tmp_path / "a.glb", changed("meshes/0/primitives/0/attributes/NORMAL", 2))
-    write_mesh(tmp_path / "b.glb", (2 * QUAD, FACES), like=tmp_path / "a.glb")
-    (primitive,) = parts(tmp_path / "b.glb")[0]["meshes"][0]["primitives"]
-    assert primitive["attributes"] == {"POSITION": 0}
-    np.testing.assert_array_equal(read_mesh(tmp_path / "b.glb").vertices, 2 * QUAD)
+@pytest.mark.parametrize("sparse", [False, True])
+def test_normals_that_are_no_plain_floats_become_such(tmp_path: Path, sparse: bool) -> None:
+    given = changed("meshes/0/primitives/0/attributes/NORMAL", 4)
+    kind = {"componentType": 5126, "sparse": {"count": 1}} if sparse else {"componentType": 5120}
+    given["accessors"].append({"bufferView": 3, "count": 4, "type": "VEC3"} | kind)
+    write(tmp_path / "a.glb", given)
+    moved = 2 * QUAD[:, [1, 2, 0]]
+    write_mesh(tmp_path / "b.glb", (moved, FACES), like=tmp_path / "a.glb")
+    np.testing.assert_array_equal(read_mesh(tmp_path / "b.glb").vertices, moved)
+    (part,) = trimesh.load_scene(tmp_path / "b.glb", process=False).geometry.values()
+    np.testing.assert_allclose(part.vertex_normals, [[0, 1, 0]] * 4, atol=1e-6)
+    document, data = parts(tmp_path / "b.glb")
+    assert document["buffers"] == [{"byteLength": len(data)}]
+    assert data[: len(_BYTES)][48:] == _BYTES[48:]
+
+
+def test_parts_that_share_their_normals_get_their_own(blob: Mesh, tmp_path: Path) -> None:
+    scene = trimesh.Scene()
+    for shift in (0, 4):
+        scene.add_geometry(trimesh.Trimesh(blob.vertices + shift, blob.faces, process=False))
+    scene.export(tmp_path / "a.glb", include_normals=True)
+    keys = [
+        mesh["primitives"][0]["attributes"]["NORMAL"]
+        for mesh in parts(tmp_path / "a.glb")[0]["meshes"]
+    ]
+    one, other = (b'"NORMAL":%d' % key for key in keys)
+    (tmp_path / "a.glb").write_bytes((tmp_path / "a.glb").read_bytes().replace(other, one))
+    mesh = read_mesh(tmp_path / "a.glb")
+    moved = mesh.vertices.copy()
+    moved[len(moved) // 2 :] *= [1, 2, 3]
+    write_mesh(tmp_path / "b.glb", (moved, mesh.faces), like=tmp_path / "a.glb")
+    for part in trimesh.load_scene(tmp_path / "b.glb", process=False).geometry.values():
+        expected = vertex_normals(part.vertices, part.faces)
+        np.testing.assert_allclose(part.vertex_normals, expected, atol=1e-5)
+
+
+def test_parts_that_nodes_place_side_by_side_are_joined(blob: Mesh, tmp_path: Path) -> None:
+    """Their positions have single precision where each part is, and differ where they are put."""
+    above = blob.vertices[blob.faces].mean(axis=1)[:, 0] > 0
+    scene = trimesh.Scene()
+    for chosen, pivot in ((above, [0.013, 0.93, 0.004]), (~above, [0, 1.52, 0.01])):
+        part = trimesh.Trimesh(blob.vertices - pivot, blob.faces[chosen], process=False)
+        part.remove_unreferenced_vertices()
+        scene.add_geometry(part, transform=trimesh.transformations.translation_matrix(pivot))
+    scene.export(tmp_path / "a.glb")
+    mesh = read_mesh(tmp_path / "a.glb")
+    assert mesh.n_vertices > blob.n_vertices
+    assert len(np.unique(mesh.vertices, axis=0)) == blob.n_vertices
+    away = np.linalg.norm(mesh.vertices[:, None] - blob.vertices, axis=2).min(axis=1)
+    assert away.max() < 1e-6
 
 
 def test_colours_are_not_written_like_another_file(blob: Mesh, tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ from unbend.mesh import vertex_normals
 
 # As the specification numbers them.
 _UNSIGNED_SHORT, _UNSIGNED_INT, _FLOAT = 5123, 5125, 5126
+_NORMALS = {5120: "i1", 5122: "<i2", _FLOAT: "<f4"}  # as which normals may be stored
 _POINTS, _LINES, _TRIANGLES, _FAN = 0, (1, 2, 3), 4, 6
 _VERTICES, _INDICES = 34962, 34963
 # Extensions that matter to looks, and one that allows whole numbers as positions.
@@ -132,24 +133,39 @@ def move(
     document, rest = _document(data)
     accessors, primitives = document["accessors"], _primitives(document)
 
-    def column(key: int) -> npt.NDArray[np.float32]:
+    def column(key: int) -> npt.NDArray[Any]:
         accessor = accessors[key]
         view = document["bufferViews"][accessor["bufferView"]]
         start = 8 + view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
-        strides = view.get("byteStride", 12), 4
-        return np.ndarray((accessor["count"], 3), "<f4", rest, start, strides)
+        kind = np.dtype(_NORMALS[accessor["componentType"]])
+        strides = view.get("byteStride", 3 * kind.itemsize), kind.itemsize
+        return np.ndarray((accessor["count"], 3), kind, rest, start, strides)
+
+    def added(count: int) -> int:
+        end = int.from_bytes(rest[:4], "little")
+        rest[8 + end : 8 + end] = bytes(12 * count)
+        rest[:4] = struct.pack("<I", end + 12 * count)
+        document["buffers"][0]["byteLength"] = end + 12 * count
+        views = document["bufferViews"]
+        views.append({"buffer": 0, "byteOffset": end, "byteLength": 12 * count})
+        accessor = {"bufferView": len(views) - 1, "componentType": _FLOAT}
+        accessors.append(accessor | {"count": count, "type": "VEC3"})
+        return len(accessors) - 1
 
     vertices = np.nan_to_num(vertices)  # of vertices in no face
-    turned = np.zeros_like(vertices)
+    turned, taken = np.zeros_like(vertices), set[int]()
     for one, (rows, _) in zip(primitives, places, strict=True):
         one["attributes"].pop("TANGENT", None)
         key = one["attributes"].get("NORMAL")
         if key is None:
             continue
-        if accessors[key]["componentType"] == _FLOAT and "bufferView" in accessors[key]:
+        stored = accessors[key]
+        plain = "bufferView" in stored and "sparse" not in stored
+        if plain:
             turned[rows] = column(key)
-        else:
-            del one["attributes"]["NORMAL"]
+        if key in taken or not plain or stored["componentType"] != _FLOAT:
+            key = one["attributes"]["NORMAL"] = added(rows.stop - rows.start)
+        taken.add(key)
     # Vertices at one position had one normal at a seam, and unlike ones at a sharp edge.
     number = first_equal_row(np.column_stack([before, turned]))
     turned = vertex_normals(vertices, number[faces])[number]
@@ -160,9 +176,9 @@ def move(
             "NORMAL": unit_vectors(turned[rows] @ turn),
         }
         for name in columns.keys() & values.keys():
-            stored = column(values[name])
-            stored[:] = columns[name]
-            bounds = {"min": stored.min(axis=0).tolist(), "max": stored.max(axis=0).tolist()}
+            moved = column(values[name])
+            moved[:] = columns[name]
+            bounds = {"min": moved.min(axis=0).tolist(), "max": moved.max(axis=0).tolist()}
             accessors[values[name]] |= bounds
     return _beginning(document, len(rest)) + rest
 
