@@ -280,7 +280,7 @@ def test_what_a_format_cannot_hold(blob: Mesh, tmp_path: Path) -> None:
             write_values(tmp_path / name, values, blob)
     with pytest.raises(FileError, match="unknown suffix"):
         write_values(tmp_path / "a.stl", np.zeros(642), blob)
-    with pytest.raises(InputError, match="not 2 numbers; write .ply"):
+    with pytest.raises(InputError, match="not 2 numbers; write"):
         write_values(tmp_path / "a.glb", np.full((642, 2), 0.5), blob, kind="weights")
     assert list(tmp_path.iterdir()) == []
 
