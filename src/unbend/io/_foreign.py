@@ -238,7 +238,7 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
     scene = trimesh.load_scene(io.BytesIO(given), file_type=suffix[1:], process=False)
     parts = []
     vertices, faces, at = [np.empty((0, 3))], [NO_FACES], 0
-    step = 0.0  # to which positions are exact
+    farthest = 0.0  # from where a part counts from
     for part, placement in _placed(scene):
         if gltf.DRACO.encode() in data and not part.vertices.any():  # trimesh goes on without them
             raise FileError(
@@ -249,8 +249,8 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
         x, y, z = part.vertices.T[:, :, None]
         a, b, c, shift = placement[:3].T
         vertices.append(x * a + y * b + z * c + shift)  # @ may round equal rows differently
-        farthest = np.abs(part.vertices).max(initial=0) * np.abs(placement[:3, :3]).max()
-        step = max(step, _STEPS * float(farthest + np.abs(shift).max()))
+        size = np.abs(placement[:3, :3]).max()
+        farthest = max(farthest, float(np.abs(part.vertices).max(initial=0) * size))
         corners = np.asarray(getattr(part, "faces", NO_FACES)) + at
         faces.append(corners[:, ::-1] if np.linalg.det(placement[:3, :3]) < 0 else corners)
         at += len(part.vertices)
@@ -258,6 +258,7 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
         raise FileError("holds no vertices")
     places, corners = np.concatenate(vertices), np.concatenate(faces)
     if len(parts) > 1 and np.isfinite(places).all():
+        step = _STEPS * max(farthest, float(np.ptp(places, axis=0).max()))
         places = _joined(places, np.repeat(np.arange(len(vertices)), [*map(len, vertices)]), step)
     values = [_values(part, linear=suffix in _GLTF) for part in parts]
     names = dict.fromkeys(name for one in values for name in one)  # in one order

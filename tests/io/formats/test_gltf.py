@@ -393,15 +393,16 @@ def test_parts_that_nodes_place_side_by_side_are_joined(blob: Mesh, tmp_path: Pa
     """Their positions have single precision where each part is, and differ where they are put."""
     above = blob.vertices[blob.faces].mean(axis=1)[:, 0] > 0
     scene = trimesh.Scene()
+    far = np.array([4e5, 5e6, 0])
     for chosen, pivot in ((above, [0.013, 0.93, 0.004]), (~above, [0, 1.52, 0.01])):
         part = trimesh.Trimesh(blob.vertices - pivot, blob.faces[chosen], process=False)
         part.remove_unreferenced_vertices()
-        scene.add_geometry(part, transform=trimesh.transformations.translation_matrix(pivot))
+        scene.add_geometry(part, transform=trimesh.transformations.translation_matrix(far + pivot))
     scene.export(tmp_path / "a.glb")
     mesh = read_mesh(tmp_path / "a.glb")
     assert mesh.n_vertices > blob.n_vertices
     assert len(np.unique(mesh.vertices, axis=0)) == blob.n_vertices
-    away = np.linalg.norm(mesh.vertices[:, None] - blob.vertices, axis=2).min(axis=1)
+    away = np.linalg.norm((mesh.vertices - far)[:, None] - blob.vertices, axis=2).min(axis=1)
     assert away.max() < 1e-6
 
 

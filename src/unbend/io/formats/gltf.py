@@ -161,6 +161,7 @@ def move(
             continue
         stored = accessors[key]
         plain = "bufferView" in stored and "sparse" not in stored
+        plain &= stored["componentType"] in _NORMALS
         if plain:
             turned[rows] = column(key)
         if key in taken or not plain or stored["componentType"] != _FLOAT:
