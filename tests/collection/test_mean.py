@@ -84,14 +84,17 @@ def test_a_map_that_was_given_is_trusted(blob, shapes):
     assert len(found.names) == 5
 
 
-def test_sizes_of_different_units_are_told_unless_they_are_removed(blob, shapes):
+def test_sizes_of_different_units_are_told(blob, shapes):
     given = [
         *map(registered, shapes),
         registered(Mesh(1000 * blob.vertices, blob.faces), name="mm"),
     ]
     with pytest.warns(UnbendWarning, match=r"mm is 1,\d+ times as large as s0: .*--scale"):
         mean_shape(given, blob)
-    mean_shape(given, blob, scale=True)
+    with pytest.warns(
+        UnbendWarning, match=r"times as large as s0: .* use one, or none of the sizes"
+    ):
+        mean_shape(given, blob, scale=True)
 
 
 @pytest.mark.parametrize("share", [-0.1, 1.1, np.nan])

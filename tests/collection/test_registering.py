@@ -117,6 +117,20 @@ def test_tables_agree_with_the_array(made: Path) -> None:
     )
 
 
+def test_what_lies_where_the_scan_ends_is_told_in_the_long_table(tmp_path: Path) -> None:
+    write_mesh(tmp_path / "template.ply", TEMPLATE)
+    half = TEMPLATE.faces[(TEMPLATE.vertices[TEMPLATE.faces] @ [1, 0, 0] > 0).all(axis=1)]
+    used, faces = np.unique(half, return_inverse=True)
+    write_mesh(tmp_path / "half.ply", (TEMPLATE.vertices[used], faces.reshape(-1, 3)))
+    out = tmp_path / "out"
+    register_files([str(tmp_path / "half.ply")], str(tmp_path / "template.ply"), str(out))
+    with open(out / "vertices.csv", newline="") as file:
+        covered = [bool(int(row["covered"])) for row in csv.DictReader(file)]
+    _, (found,), _ = read_registrations(out)
+    np.testing.assert_array_equal(covered, found.covered)
+    assert 0.3 < np.mean(covered) < 0.7
+
+
 def test_what_is_there_is_not_touched_again_and_what_is_missing_is_made_again(
     own: tuple[Collection, Path],
 ) -> None:

@@ -38,8 +38,9 @@ def transfer(
       kind: auto: scalar for fractions, label for whole numbers and text; for several columns color
           from 0 to 255, uv for texture coordinates, else scalar.
       property_name: Which values of a mesh file: a property of its vertices, color or uv.
-      expected_error: Also write the expected error of the map at each target vertex, in square
-          roots of the target's area (.npy, .csv, .txt, .ply, .vtp); at each landmark (.csv).
+      expected_error: Also write the expected error of the map at each target vertex, a bound for
+          nine in ten of them, in square roots of the target's area (.npy, .csv, .txt, .ply, .vtp);
+          at each landmark (.csv).
 
     $ unbend transfer dog.ply cat.ply --values weights.npy --kind weights -o cat_weights.npy
     $ unbend transfer dog.ply cat.ply --values parts.csv --map dog_cat.npz -o cat_parts.csv

@@ -342,7 +342,7 @@ class Collection:
             - a mesh per shape with the template's vertices and faces, in its format where that
               keeps their order, otherwise .ply;
             - ``vertices.npy``, all positions (n_shapes, n_template, 3), and ``vertices.csv``, the
-              same with the columns shape,vertex,x,y,z;
+              same with the columns shape,vertex,x,y,z,covered;
             - ``shapes.csv``, a row per shape: in the order of ``vertices.npy``, then what failed.
         landmarks : mapping of str to (l, 2) array_like of int, optional
             For names of shapes, vertices of the template and of the shape that correspond. A shape

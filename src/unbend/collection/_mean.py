@@ -148,9 +148,10 @@ def mean_shape(
         placed[i] = points @ turn.T
     statistics = shape_statistics(placed, weights=weights, n_components=n_components, scale=scale)
     names = tuple(one.mesh.name for one in kept)
-    if not scale:
-        advice = "use one, or remove sizes with scale=True (--scale)"
-        warn_of_units(statistics.sizes, names, advice)
+    advice = "use one, or remove sizes with scale=True (--scale)"
+    if scale:
+        advice = "use one, or none of the sizes"
+    warn_of_units(statistics.sizes, names, advice)
     confidences = np.array([one.confidence for one in kept])
     coverages = np.array([one.coverage for one in kept])
     return MeanShape(template, statistics, names, confidences, coverages, tuple(left_out))

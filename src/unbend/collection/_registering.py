@@ -282,6 +282,7 @@ def _write_tables(
             if part.stat().st_mtime < began:  # of a run that was killed, not of one beside this
                 part.unlink()
     shapes: list[RegisteredShape] = []
+    covered: list[npt.NDArray[np.uint8]] = []  # packed
     head = "shape", "path", "file", "confidence", "coverage", "scan_coverage"
     spread = "mean_distance", "distance_95"
     lines: list[Iterable[object]] = [(*head, *spread, "status", "warnings", "also")]
@@ -292,6 +293,7 @@ def _write_tables(
         for task in tasks:
             found, said = _load(task.result, template, task.name)
             file.write(found.mesh.vertices.astype("<f8").tobytes())
+            covered.append(np.packbits(found.covered))
             distances = found.distances[np.isfinite(found.distances)]
             middle, most = float(distances.mean()), float(np.quantile(distances, 0.95))
             shares = float(found.confidence), float(found.coverage), float(found.scan_coverage)
@@ -302,11 +304,13 @@ def _write_tables(
             lines.append((*known, status, "; ".join(said), "; ".join(also)))
     every = np.load(folder / "vertices.npy", mmap_mode="r", allow_pickle=False)
     places = (
-        (one.name, i, *place)
-        for one, points in zip(shapes, every, strict=True)
-        for i, place in enumerate(points.tolist())
+        (one.name, i, *place, on_scan)
+        for one, points, bits in zip(shapes, every, covered, strict=True)
+        for i, (place, on_scan) in enumerate(
+            zip(points.tolist(), np.unpackbits(bits, count=len(points)).tolist(), strict=True)
+        )
     )
-    columns = "shape", "vertex", "x", "y", "z"
+    columns = "shape", "vertex", "x", "y", "z", "covered"
     write_table(folder / "vertices.csv", itertools.chain([columns], places))
     for bad in failures:
         lines.append((Path(bad.path).stem, bad.path, *[""] * 6, f"failed: {bad.reason}", "", ""))

@@ -162,9 +162,12 @@ def _read(
             )
     shared = len(np.unique(on_file, axis=0)) - len(np.unique(vertices))
     if shared > 0:
+        first = np.unique(vertices, return_index=True)[1]
+        names = ", ".join(one for i, one in enumerate(labels) if one and i not in first)
+        which = plural(shared, "point") + (f" ({names})" if names else "")
         warn(
-            f"{path.name}: {plural(shared, 'point')} at the same vertex of {mesh.name} as another "
-            "one: is the mesh too coarse, or in another unit?"
+            f"{path.name}: {which} at the same vertex of {mesh.name} as another one: is the mesh "
+            "too coarse, or in another unit?"
         )
     if n_moved:
         warn(

@@ -70,9 +70,10 @@ def register(
     """Register a template to all shapes, as unbend register does to one.
 
     Every written mesh has the template's vertices, in its order, and its faces. vertices.npy
-    (shapes, vertices, 3) and vertices.csv (shape,vertex,x,y,z) hold all positions; shapes.csv lists
-    confidence, coverage and distances. Registered shapes are skipped, so run the same command again
-    to resume. Shapes that cannot be registered are listed at the end, with exit code 1.
+    (shapes, vertices, 3) and vertices.csv (shape,vertex,x,y,z,covered) hold all positions;
+    shapes.csv lists confidence, coverage and distances. Registered shapes are skipped, so run the
+    same command again to resume. Shapes that cannot be registered are listed at the end, with exit
+    code 1.
 
       template: The mesh to deform: a file, or a path or id of the collection.
       out: The folder to write to, for this template alone: a mesh per shape, shapes.csv,

@@ -58,7 +58,7 @@ def _mrk_json(data: bytes) -> list[Point]:
 def _fcsv(data: bytes) -> list[Point]:
     """Rows of id, x, y, z, four numbers of a rotation, three switches, label and description.
 
-    Newer ones end in a node, whether there is a position (0, 3: none), and another switch.
+    Newer ones end in a node, whether there is a position (2) or none yet, and another switch.
     """
     lines = text_lines(data, "FCSV")
     axes = [line.partition("=")[2].strip() for line in lines if "CoordinateSystem" in line]
@@ -67,7 +67,7 @@ def _fcsv(data: bytes) -> list[Point]:
         _point(
             row[11],
             row[12],
-            [np.nan] * 3 if row[14:15] in (["0"], ["3"]) else row[1:4],
+            row[1:4] if row[14:15] in ([], [""], ["2"]) else [np.nan] * 3,
             axes[0] if axes else "RAS",
         )
         for row in rows
