@@ -7,9 +7,10 @@ import os
 import sys
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
-from unbend import canonical_form, laplacian, match, spectrum, symmetry
+from unbend import Mesh, canonical_form, laplacian, match, spectrum, symmetry
 from unbend._memory import (
     LIMIT_VARIABLE,
     _group_limits,
@@ -21,7 +22,7 @@ from unbend._memory import (
     resident_memory,
 )
 from unbend.datasets import make_sphere
-from unbend.errors import InputError, MeshError
+from unbend.errors import InputError, MeshError, UnbendWarning
 from unbend.linalg.lanczos import working_columns
 from unbend.matching._match import WORKING_COLUMNS
 
@@ -112,8 +113,12 @@ def test_what_does_not_fit_is_refused_in_one_sentence(blob, monkeypatch, no_cach
     # Enough for either spectrum.
     monkeypatch.setattr("unbend._memory.available_memory", lambda: 6 * 2**20)
     spectrum(blob, 30)
-    with pytest.raises(MeshError, match="blob and blob: 1,284 vertices need about 9 MiB"):
+    with pytest.raises(MeshError, match="blob and blob: 2,516 vertices need about 17 MiB"):
         match(blob, blob)
+    monkeypatch.setattr("unbend._memory.available_memory", lambda: 2**25)
+    many = Mesh(np.vstack([blob.vertices, np.zeros((1_000_000, 3))]), blob.faces, name="blob")
+    with pytest.warns(UnbendWarning, match="unreferenced"):  # which take little
+        match(many, blob, refine=False)
     ball = make_sphere(5)
     importlib.import_module("numba")  # whose own memory counts until it is loaded
     monkeypatch.setattr("unbend._memory.available_memory", lambda: 2**26)

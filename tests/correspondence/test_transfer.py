@@ -179,6 +179,12 @@ ONE = _match([0], [0])
         ([[0.5, 0.5], [0.5, 0.6]], _match([0, 0], [0]), {"kind": "weights"}, "sums; row 1 .* 1.1"),
         ([[0, 1], [1.5, -0.5]], _match([0, 0], [0]), {"kind": "weights"}, "row 1 .* least is -0.5"),
         ([[0, 1], [0, 0]], _match([0, 0], [0]), {"kind": "weights"}, "at least one; row 1 .* 0,"),
+        (
+            [[0, 1], [1, -1]],
+            _match([0, 0], [0]),
+            {"kind": "weights"},
+            "numbers of 0 or more; row 1",
+        ),
         ([[0, 1], [1, np.nan]], _match([0, 0], [0]), {"kind": "weights"}, "write 0 where .* row 1"),
         ([0.5, 0.5], _match([0, 0], [0]), {"kind": "weights"}, "must be rows"),
         ([[256, 0, 0]], ONE, {"kind": "color"}, "from 0 to 255"),

@@ -335,9 +335,13 @@ def checked_numbers(array: npt.NDArray[Any], kind: str) -> FloatArray:
         if wrong.any():
             row = wrong.argmax()
             total, least = numbers[row].sum(), numbers[row].min()
-            advice = "divide by the sums" if total else "give each vertex at least one"
-            if np.isnan(total):
+            advice = "divide by the sums"
+            if not numbers[row].any():
+                advice = "give each vertex at least one"
+            elif np.isnan(total):
                 advice = "write 0 where one is missing"
+            elif least < 0 or np.isinf(total):
+                advice = "write finite numbers of 0 or more"
             raise InputError(
                 f"weights must be non-negative and sum to one in each row: {advice}; "
                 f"row {row} sums to {total:g}, its least is {least:g}"

@@ -29,7 +29,8 @@ _NIBABEL = (".gii", *_FREESURFER, *FREESURFER_VALUES)
 _READ_BY_NIBABEL = ("read by nibabel",)
 # GIFTI's intents, numbered as in NIfTI.
 _LABEL, _POINTSET, _TRIANGLE, _NODE_INDEX = 1002, 1008, 1009, 2002
-_STEPS = 4 * float(np.finfo(np.float32).eps)  # by which rounding moves what is placed, at most
+_NEAREST = 5  # positions, itself among them, that may be one
+_ROUNDING = float(np.finfo(np.float32).eps)  # of numbers in single precision, at most
 FOREIGN_SUFFIXES = (*_TRIMESH, *_MESHIO, *_NIBABEL)
 
 
@@ -238,7 +239,8 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
     scene = trimesh.load_scene(io.BytesIO(given), file_type=suffix[1:], process=False)
     parts = []
     vertices, faces, at = [np.empty((0, 3))], [NO_FACES], 0
-    farthest = 0.0  # from where a part counts from
+    rounding = [np.empty(0)]  # of positions, and of where parts are placed
+    shifts = np.array([placement[:3, 3] for _, placement in _placed(scene)]).reshape(-1, 3)
     for part, placement in _placed(scene):
         if gltf.DRACO.encode() in data and not part.vertices.any():  # trimesh goes on without them
             raise FileError(
@@ -249,17 +251,17 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
         x, y, z = part.vertices.T[:, :, None]
         a, b, c, shift = placement[:3].T
         vertices.append(x * a + y * b + z * c + shift)  # @ may round equal rows differently
-        size = np.abs(placement[:3, :3]).max()
-        farthest = max(farthest, float(np.abs(part.vertices).max(initial=0) * size))
+        size, off = np.abs(placement[:3, :3]).max(), np.abs(shift - np.median(shifts, axis=0))
+        rounding.append(_ROUNDING * (size * np.abs(part.vertices).max(axis=1) + off.max()))
         corners = np.asarray(getattr(part, "faces", NO_FACES)) + at
         faces.append(corners[:, ::-1] if np.linalg.det(placement[:3, :3]) < 0 else corners)
         at += len(part.vertices)
     if not parts:
         raise FileError("holds no vertices")
     places, corners = np.concatenate(vertices), np.concatenate(faces)
-    if len(parts) > 1 and np.isfinite(places).all():
-        step = _STEPS * max(farthest, float(np.ptp(places, axis=0).max()))
-        places = _joined(places, np.repeat(np.arange(len(vertices)), [*map(len, vertices)]), step)
+    if len(parts) > 1 and suffix in _GLTF and np.isfinite(places).all():
+        of = np.repeat(np.arange(len(vertices)), [*map(len, vertices)])
+        places = _joined(places, of, np.concatenate(rounding))
     values = [_values(part, linear=suffix in _GLTF) for part in parts]
     names = dict.fromkeys(name for one in values for name in one)  # in one order
     shared = {
@@ -275,12 +277,26 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
     return Contents(places, corners, tuple(notes), lambda: shared)
 
 
-def _joined(places: FloatArray, part: IntArray, step: float) -> FloatArray:
-    """Positions (n, 3), one where those of different parts differ by rounding alone."""
+def _joined(places: FloatArray, part: IntArray, rounding: FloatArray) -> FloatArray:
+    """Positions (n, 3), one where those of different parts differ by their rounding (n,) alone.
+
+    If two positions of one part would become one, they stay as they are.
+    """
     first, number = np.unique(first_equal_row(places), return_inverse=True)
-    links = cKDTree(places[first]).query_pairs(step, output_type="ndarray").T
-    label = label_linked(links[:, np.not_equal(*part[first][links])], len(first))
-    return places[first[np.unique(label, return_index=True)[1][label[number]]]]
+    points, own = places[first], np.append(rounding[first], 0.0)
+    away, near = cKDTree(points).query(points, k=_NEAREST, distance_upper_bound=2 * own.max())
+    one, k = np.nonzero(away <= own[:-1, None] + own[near])
+    other = near[one, k]
+    apart = part[first[one]] != part[first[other]]
+    label = label_linked((one[apart], other[apart]), len(points))
+    joined = np.unique(label, return_index=True)[1][label]
+    # Groups of several positions, and whose they are.
+    groups = np.column_stack([label[number], part, number])[(np.bincount(label) > 1)[label][number]]
+    groups = np.unique(groups, axis=0)
+    twice = groups[1:][(groups[1:, :2] == groups[:-1, :2]).all(axis=1), 0]
+    alone = np.flatnonzero(np.isin(label, twice))
+    joined[alone] = alone
+    return points[joined[number]]
 
 
 def _placed(scene: Any) -> Iterator[tuple[Any, FloatArray]]:
@@ -299,7 +315,7 @@ def moved_glb(data: bytes, vertices: FloatArray, mesh: Mesh) -> bytes:
     if not gltf.is_movable(data):
         raise FileError(
             "nothing but its shape can be kept, because of bones, morph targets, compression, "
-            "lines, copies of parts or parts that are not shown"
+            "lines, copies of parts, parts that share vertices, or parts that are not shown"
         )
     given = io.BytesIO(gltf.readable(".glb", data)[0])
     places, at = [], 0

@@ -87,7 +87,7 @@ def read_table_of_values(
     else:
         words = [row[0] for row in rows]
         _refuse_numbers_as_labels(words)
-        alone = words.count(words[0]) == 1 < len({*words}) < len(words)
+        alone = words.count(words[0]) == 1 and len({*words}) < len(words)
         if alone and suffix == ".csv" and not header:
             warn(
                 f"the first line, {words[0]!r}, is taken as the label of vertex 0; if it names the "

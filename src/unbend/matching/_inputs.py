@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
+from unbend._memory import check_memory
 from unbend._parallel import run_all
 from unbend._text import plural
 from unbend._types import BoolArray, FloatArray, IntArray
@@ -106,17 +107,24 @@ class _Checked(NamedTuple):
     corners: FloatArray | BoolArray
 
 
-def prepare_shape(mesh: MeshLike, n_eigenpairs: int, partial: bool = False) -> Input:
-    """Check a mesh, compute its eigenpairs and normalise it."""
+def prepare_shape(
+    mesh: MeshLike, n_eigenpairs: int, partial: bool = False, columns: int = 0
+) -> Input:
+    """Check a mesh, compute its eigenpairs and normalise it; see :func:`prepare_shapes`."""
     (checked,) = _outward([_check(as_mesh(mesh))])
+    _check_memory([checked], columns)
     return prepare(checked, n_eigenpairs, partial)
 
 
 def prepare_shapes(
-    meshes: Sequence[MeshLike], n_eigenpairs: int, partial: Sequence[bool]
+    meshes: Sequence[MeshLike], n_eigenpairs: int, partial: Sequence[bool], columns: int = 0
 ) -> list[Input]:
-    """Check meshes one after the other; then, if they are not large, prepare them side by side."""
+    """Check meshes one after the other; then, if they are not large, prepare them side by side.
+
+    Raises MeshError if there is not the memory for so many columns of numbers for each vertex.
+    """
     checked = _outward([_check(as_mesh(mesh)) for mesh in meshes])
+    _check_memory(checked, columns)
     inward, outward = sorted((checked[0], checked[-1]), key=lambda one: one.outward)
     if inward.outward < -LIKELY_OUTWARD and outward.outward > LIKELY_OUTWARD:
         one, other = inward.surface.mesh.name, outward.surface.mesh.name
@@ -131,6 +139,11 @@ def prepare_shapes(
     if sum(one.surface.n_vertices for one in checked) > _SIDE_BY_SIDE:
         return [task() for task in tasks]
     return run_all(tasks)
+
+
+def _check_memory(checked: Sequence[_Checked], columns: int) -> None:
+    names = " and ".join(one.surface.mesh.name for one in checked)
+    check_memory(names, sum(one.surface.n_vertices for one in checked), columns)
 
 
 def led(inputs: Sequence[Input], pairs: IntArray) -> list[Input]:

@@ -12,7 +12,6 @@ import numpy.typing as npt
 
 from unbend._arrays import check_choice, check_whole
 from unbend._display import MIRROR_FITS
-from unbend._memory import check_memory
 from unbend._parallel import one_blas_thread, run_all
 from unbend._types import Progress
 from unbend.choices import Partial
@@ -50,8 +49,8 @@ _N_EIGENPAIRS, _LEAST_EIGENPAIRS = 30, 4
 _EXCHANGED = 0.28
 # Extremities that may be their own partners, a head and a tail; more are, if less than half of all.
 _AXIAL = 2
-# Numbers kept for each vertex of the given meshes, mostly in factors, and half as many without
-# `refine`. Measured: 400 to 1,000, of parts the most.
+# Numbers kept for each vertex that is matched, mostly in factors; half as many without `refine`.
+# Measured: 400 to 1,000, of parts the most.
 WORKING_COLUMNS = 700
 
 
@@ -159,10 +158,10 @@ def match(
     torn = [partial in ("auto", "both", side) for side in ("source", "target")]
     source, target = as_mesh(source, "source"), as_mesh(target, "target")
     labels, pairs = labelled(landmarks, source, target)
-    _check_memory(f"{source.name} and {target.name}", source.n_vertices + target.n_vertices, refine)
     tell = progress or (lambda stage, share: None)
     tell("spectrum", 0.0)
-    inputs = prepare_shapes((source, target), n_eigenpairs, torn)
+    columns = WORKING_COLUMNS if refine else WORKING_COLUMNS // 2
+    inputs = prepare_shapes((source, target), n_eigenpairs, torn, columns)
     tell("search", 0.0)
     most = _bound_by_roundness(*inputs) if len(pairs) < 2 else 1.0
     (ours, theirs), sides, found = search_apart(inputs, pairs, n_eigenpairs, progress)
@@ -279,10 +278,10 @@ def symmetry(
     vertices, counts = np.unique(np.unique(both, axis=0)[:, 0], return_counts=True)
     if (counts > 1).any():
         raise InputError(f"landmarks give vertex {vertices[counts > 1][0]} two partners; keep one")
-    _check_memory(mesh.name, mesh.n_vertices, refine)
     tell = progress or (lambda stage, share: None)
     tell("spectrum", 0.0)
-    one = prepare_shape(mesh, n_eigenpairs, partial=True)
+    columns = WORKING_COLUMNS if refine else WORKING_COLUMNS // 2
+    one = prepare_shape(mesh, n_eigenpairs, True, columns)
     tell("search", 0.0)
     (ours, theirs), sides, found = search_apart(
         (one, one), both, n_eigenpairs, progress, reflected=True
@@ -321,10 +320,6 @@ def _stays(sides: Sides, found: Candidate) -> bool:
         return True
     kept, among = kept_extremities(sides, found)
     return kept > _AXIAL and 2 * kept >= among and found.energy >= constants.FEATURES
-
-
-def _check_memory(names: str, n_vertices: int, refine: bool) -> None:
-    check_memory(names, n_vertices, WORKING_COLUMNS if refine else WORKING_COLUMNS // 2)
 
 
 def check_partial(partial: str) -> None:

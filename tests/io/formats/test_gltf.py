@@ -161,7 +161,7 @@ def test_parts_outside_the_scene_that_is_shown_are_left_out_with_a_note(tmp_path
     given["meshes"].append(
         {"primitives": [{"attributes": {"POSITION": len(given["accessors"])}, "indices": 1}]}
     )
-    given["accessors"].append(given["accessors"][0])
+    given["accessors"].append(given["accessors"][0] | {"bufferView": 3})
     given["scenes"] = [{"nodes": [2]}, {"nodes": [0]}]
     given["scene"] = 1
     write(tmp_path / "a.glb", given)
@@ -175,6 +175,13 @@ def test_parts_outside_the_scene_that_is_shown_are_left_out_with_a_note(tmp_path
     write(tmp_path / "a.glb", given)
     assert read_mesh(tmp_path / "a.glb").notes == ("read by trimesh",)
     assert keeps_all("b.glb", tmp_path / "a.glb")
+    given["cameras"] = [{"type": "perspective", "perspective": {"yfov": 1, "znear": 1}}]
+    given["nodes"][2]["camera"] = 0  # which trimesh reads instead
+    write(tmp_path / "a.glb", given)
+    with pytest.raises(FileError, match="not all of its parts are read"):
+        write_mesh(tmp_path / "b.glb", read_mesh(tmp_path / "a.glb"), like=tmp_path / "a.glb")
+    write(tmp_path / "a.glb", given | {"scene": 5})
+    assert not keeps_all("b.glb", tmp_path / "a.glb")
 
 
 def test_values_that_some_parts_lack_are_named(blob: Mesh, tmp_path: Path) -> None:
@@ -389,21 +396,45 @@ def test_parts_that_share_their_normals_get_their_own(blob: Mesh, tmp_path: Path
         np.testing.assert_allclose(part.vertex_normals, expected, atol=1e-5)
 
 
-def test_parts_that_nodes_place_side_by_side_are_joined(blob: Mesh, tmp_path: Path) -> None:
-    """Their positions have single precision where each part is, and differ where they are put."""
-    above = blob.vertices[blob.faces].mean(axis=1)[:, 0] > 0
+def export(path: Path, *placed: tuple[Mesh, Any]) -> Mesh:
+    """Read what nodes place somewhere, whose positions are stored from there."""
     scene = trimesh.Scene()
-    far = np.array([4e5, 5e6, 0])
-    for chosen, pivot in ((above, [0.013, 0.93, 0.004]), (~above, [0, 1.52, 0.01])):
-        part = trimesh.Trimesh(blob.vertices - pivot, blob.faces[chosen], process=False)
+    for mesh, pivot in placed:
+        part = trimesh.Trimesh(mesh.vertices - pivot, mesh.faces, process=False)
         part.remove_unreferenced_vertices()
-        scene.add_geometry(part, transform=trimesh.transformations.translation_matrix(far + pivot))
-    scene.export(tmp_path / "a.glb")
-    mesh = read_mesh(tmp_path / "a.glb")
+        scene.add_geometry(part, transform=trimesh.transformations.translation_matrix(pivot))
+    scene.export(path)
+    return read_mesh(path)
+
+
+@pytest.mark.parametrize("far", [0.0, 5e6])
+def test_parts_that_nodes_place_side_by_side_are_joined(
+    blob: Mesh, tmp_path: Path, far: float
+) -> None:
+    """Their positions have single precision where each part is, and differ where they are put."""
+    middles = blob.vertices[blob.faces].mean(axis=1)
+    part = (middles[:, 0] > 0) * (1 + (middles[:, 1] > 0))  # three meet in two places
+    pivots = np.array([[0.013, 0.93, 0.004], [0, 1.52, 0.01], [0.3, 0.2, 0.1]]) + far
+    thirds = [Mesh(blob.vertices + far, blob.faces[part == i]) for i in range(3)]
+    mesh = export(tmp_path / "a.glb", *zip(thirds, pivots, strict=True))
     assert mesh.n_vertices > blob.n_vertices
     assert len(np.unique(mesh.vertices, axis=0)) == blob.n_vertices
     away = np.linalg.norm((mesh.vertices - far)[:, None] - blob.vertices, axis=2).min(axis=1)
     assert away.max() < 1e-6
+
+
+def test_parts_beside_each_other_stay_apart(blob: Mesh, tmp_path: Path) -> None:
+    origin, layer = np.zeros(3), Mesh(blob.vertices * 1.0005, blob.faces)
+    sides = np.array([[-1, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]])
+    ground = Mesh(1e7 * np.vstack([sides, 1e-7 * sides]), [[0, 1, 2], [4, 5, 6]])
+    mesh = export(tmp_path / "a.glb", (blob, origin), (layer, origin), (ground, origin))
+    np.testing.assert_allclose(mesh.vertices[:642], blob.vertices, atol=1e-6)
+    np.testing.assert_allclose(mesh.vertices[642:1284], layer.vertices, atol=1e-6)
+    tiny = Mesh(1e-9 * blob.vertices + 1, blob.faces)  # in single precision, a few positions
+    mesh = export(tmp_path / "a.glb", (tiny, origin), (tiny, origin + 1e-8))
+    assert len(np.unique(mesh.vertices[:642], axis=0)) == len(
+        np.unique(mesh.vertices[642:], axis=0)
+    )
 
 
 def test_colours_are_not_written_like_another_file(blob: Mesh, tmp_path: Path) -> None:

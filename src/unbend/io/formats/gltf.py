@@ -100,8 +100,8 @@ def write(
 def is_movable(data: bytes) -> bool:
     """Whether :func:`move` can move the vertices of a .glb file.
 
-    Not if it has bones, morph targets, compression, lines, parts that share vertices or are not
-    shown, or copies.
+    Not if it has bones, morph targets, compression, lines, copies of parts, parts that share
+    vertices, or parts that are not shown.
     """
     document = _document(data)[0]
     primitives, nodes = _primitives(document), document.get("nodes", [])
@@ -114,7 +114,7 @@ def is_movable(data: bytes) -> bool:
         and DRACO not in document.get("extensionsUsed", [])
         and ["uri" in one for one in document.get("buffers", [])] == [False]
         and all("bufferView" in one and one["componentType"] == _FLOAT for one in places)
-        and len({id(one) for one in places}) == len(places)
+        and len({_stored(one) for one in places}) == len(places)
         and placed == sorted(_shown(document)) == [*range(len(document["meshes"]))]
     )
 
@@ -132,6 +132,8 @@ def move(
     """
     document, rest = _document(data)
     accessors, primitives = document["accessors"], _primitives(document)
+    if len(places) != len(primitives):  # such as where a node has a camera, too
+        raise FileError("not all of its parts are read, so nothing but its shape can be kept")
 
     def column(key: int) -> npt.NDArray[Any]:
         accessor = accessors[key]
@@ -141,7 +143,7 @@ def move(
         strides = view.get("byteStride", 3 * kind.itemsize), kind.itemsize
         return np.ndarray((accessor["count"], 3), kind, rest, start, strides)
 
-    def added(count: int) -> int:
+    def room_for(count: int) -> int:  # so many normals; the number of their accessor
         end = int.from_bytes(rest[:4], "little")
         rest[8 + end : 8 + end] = bytes(12 * count)
         rest[:4] = struct.pack("<I", end + 12 * count)
@@ -153,20 +155,20 @@ def move(
         return len(accessors) - 1
 
     vertices = np.nan_to_num(vertices)  # of vertices in no face
-    turned, taken = np.zeros_like(vertices), set[int]()
+    turned = np.zeros_like(vertices)
+    taken = {_stored(accessors[one["attributes"]["POSITION"]]) for one in primitives}
     for one, (rows, _) in zip(primitives, places, strict=True):
         one["attributes"].pop("TANGENT", None)
         key = one["attributes"].get("NORMAL")
         if key is None:
             continue
-        stored = accessors[key]
-        plain = "bufferView" in stored and "sparse" not in stored
-        plain &= stored["componentType"] in _NORMALS
+        kind, stored = accessors[key]["componentType"], _stored(accessors[key])
+        plain = kind in _NORMALS and stored[0] is not None and "sparse" not in accessors[key]
         if plain:
             turned[rows] = column(key)
-        if key in taken or not plain or stored["componentType"] != _FLOAT:
-            key = one["attributes"]["NORMAL"] = added(rows.stop - rows.start)
-        taken.add(key)
+        if stored in taken or not plain or kind != _FLOAT:
+            one["attributes"]["NORMAL"] = room_for(rows.stop - rows.start)
+        taken.add(stored)
     # Vertices at one position had one normal at a seam, and unlike ones at a sharp edge.
     number = first_equal_row(np.column_stack([before, turned]))
     turned = vertex_normals(vertices, number[faces])[number]
@@ -227,7 +229,7 @@ def readable(suffix: str, data: bytes) -> tuple[bytes, list[str]]:
         rest = data[at + size :]
         data = _beginning(document, len(rest)) + rest
     meshes, nodes = document.get("meshes", []), document.get("nodes", [])
-    if hidden := sum("mesh" in one for one in nodes) - len(_shown(document)):
+    if hidden := len({*range(len(meshes))} - {*_shown(document)}):
         notes.append(f"{plural(hidden, 'part')} left out, outside the scene that is shown")
     if any(any(one.get("weights", [])) for one in meshes + nodes):
         notes.append("morph targets left out: the shape is the one that they change")
@@ -238,10 +240,17 @@ def _primitives(document: dict[str, Any]) -> list[dict[str, Any]]:
     return [one for mesh in document.get("meshes", []) for one in mesh["primitives"]]
 
 
+def _stored(accessor: dict[str, Any]) -> tuple[int | None, int]:
+    """Where its numbers are: a view, and an offset."""
+    return accessor.get("bufferView"), accessor.get("byteOffset", 0)
+
+
 def _shown(document: dict[str, Any]) -> list[int]:
-    """Meshes that are placed by the scene that is shown."""
-    nodes = document.get("nodes", [])
-    left = [*document.get("scenes", [{}])[document.get("scene", 0)].get("nodes", [])]
+    """Meshes that nodes of the shown scene place, as often as they do."""
+    nodes, number = document.get("nodes", []), document.get("scene", 0)
+    left = [
+        node for one in document.get("scenes", [])[number:][:1] for node in one.get("nodes", [])
+    ]
     found: set[int] = set()
     while left:
         number = left.pop()
