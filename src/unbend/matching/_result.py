@@ -53,7 +53,8 @@ class Match:
         among them, unit total area) of the largest components, their long edges split if they are
         coarse, or of the surfaces of points, as of a cloud and of a mesh of which parts are cut
         apart: ``source_basis @ functional_map`` is close to ``target_basis[source_to_target]``
-        where there are partners. It is
+        if all of the source has partners; if not, to that continued by 0, which is far off around
+        where partners end. It is
         ``source_basis.T @ diag(a) @ target_basis[source_to_target]`` for the areas `a` of the
         source's :func:`unbend.laplacian`, as shares of the whole, but 0 where there is no partner.
     orientation : float
