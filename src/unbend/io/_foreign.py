@@ -14,7 +14,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from unbend._arrays import first_equal_row
-from unbend._types import FloatArray, IntArray, StrPath
+from unbend._types import FloatArray, StrPath
 from unbend.errors import FileError, InputError, MissingExtraError
 from unbend.io.formats import gltf
 from unbend.io.formats.contents import NO_FACES, Contents, triangulate
@@ -237,32 +237,26 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
 
     given, left_out = gltf.readable(suffix, data) if suffix in _GLTF else (data, [])
     scene = trimesh.load_scene(io.BytesIO(given), file_type=suffix[1:], process=False)
-    parts = []
+    placed = [*_placed(scene)]
     vertices, faces, at = [np.empty((0, 3))], [NO_FACES], 0
-    rounding = [np.empty(0)]  # of positions, and of where parts are placed
-    shifts = np.array([placement[:3, 3] for _, placement in _placed(scene)]).reshape(-1, 3)
-    for part, placement in _placed(scene):
+    for part, placement in placed:
         if gltf.DRACO.encode() in data and not part.vertices.any():  # trimesh goes on without them
             raise FileError(
                 "its Draco data could not be decoded (trimesh 5.1 can, if they are whole); save it "
                 "without compression"
             )
-        parts.append(part)
         x, y, z = part.vertices.T[:, :, None]
         a, b, c, shift = placement[:3].T
         vertices.append(x * a + y * b + z * c + shift)  # @ may round equal rows differently
-        size, off = np.abs(placement[:3, :3]).max(), np.abs(shift - np.median(shifts, axis=0))
-        rounding.append(_ROUNDING * (size * np.abs(part.vertices).max(axis=1) + off.max()))
         corners = np.asarray(getattr(part, "faces", NO_FACES)) + at
         faces.append(corners[:, ::-1] if np.linalg.det(placement[:3, :3]) < 0 else corners)
         at += len(part.vertices)
-    if not parts:
+    if not placed:
         raise FileError("holds no vertices")
     places, corners = np.concatenate(vertices), np.concatenate(faces)
-    if len(parts) > 1 and suffix in _GLTF and np.isfinite(places).all():
-        of = np.repeat(np.arange(len(vertices)), [*map(len, vertices)])
-        places = _joined(places, of, np.concatenate(rounding))
-    values = [_values(part, linear=suffix in _GLTF) for part in parts]
+    if len(placed) > 1 and suffix in _GLTF and np.isfinite(places).all():
+        places = _joined(places, placed)
+    values = [_values(part, linear=suffix in _GLTF) for part, _ in placed]
     names = dict.fromkeys(name for one in values for name in one)  # in one order
     shared = {
         name: np.concatenate([one[name] for one in values])
@@ -277,11 +271,19 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
     return Contents(places, corners, tuple(notes), lambda: shared)
 
 
-def _joined(places: FloatArray, part: IntArray, rounding: FloatArray) -> FloatArray:
-    """Positions (n, 3), one where those of different parts differ by their rounding (n,) alone.
+def _joined(places: FloatArray, placed: list[tuple[Any, FloatArray]]) -> FloatArray:
+    """Positions (n, 3), one where those of different parts differ by rounding alone.
 
     If two positions of one part would become one, they stay as they are.
     """
+    part = np.repeat(np.arange(len(placed)), [len(one.vertices) for one, _ in placed])
+    shifts = np.array([placement[:3, 3] for _, placement in placed])
+    off = np.abs(shifts - np.median(shifts, axis=0)).max(axis=1)
+    reach = [
+        np.abs(placement[:3, :3]).max() * np.abs(one.vertices).max(axis=1)
+        for one, placement in placed
+    ]
+    rounding = _ROUNDING * (np.concatenate(reach) + off[part])
     first, number = np.unique(first_equal_row(places), return_inverse=True)
     points, own = places[first], np.append(rounding[first], 0.0)
     away, near = cKDTree(points).query(points, k=_NEAREST, distance_upper_bound=2 * own.max())

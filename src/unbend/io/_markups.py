@@ -160,9 +160,9 @@ def _read(
                 f"its points are {off:.3g} from {mesh.name}, {turned:.3g} with x and y negated: "
                 "one of them is in RAS and the other in LPS; save the mesh in LPS"
             )
-    shared = len(np.unique(on_file, axis=0)) - len(np.unique(vertices))
+    first = np.unique(vertices, return_index=True)[1]
+    shared = len(np.unique(on_file, axis=0)) - len(first)
     if shared > 0:
-        first = np.unique(vertices, return_index=True)[1]
         names = ", ".join(one for i, one in enumerate(labels) if one and i not in first)
         which = plural(shared, "point") + (f" ({names})" if names else "")
         warn(

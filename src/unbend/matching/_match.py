@@ -160,8 +160,7 @@ def match(
     labels, pairs = labelled(landmarks, source, target)
     tell = progress or (lambda stage, share: None)
     tell("spectrum", 0.0)
-    columns = WORKING_COLUMNS if refine else WORKING_COLUMNS // 2
-    inputs = prepare_shapes((source, target), n_eigenpairs, torn, columns)
+    inputs = prepare_shapes((source, target), n_eigenpairs, torn, _columns(refine))
     tell("search", 0.0)
     most = _bound_by_roundness(*inputs) if len(pairs) < 2 else 1.0
     (ours, theirs), sides, found = search_apart(inputs, pairs, n_eigenpairs, progress)
@@ -280,8 +279,7 @@ def symmetry(
         raise InputError(f"landmarks give vertex {vertices[counts > 1][0]} two partners; keep one")
     tell = progress or (lambda stage, share: None)
     tell("spectrum", 0.0)
-    columns = WORKING_COLUMNS if refine else WORKING_COLUMNS // 2
-    one = prepare_shape(mesh, n_eigenpairs, True, columns)
+    one = prepare_shape(mesh, n_eigenpairs, True, _columns(refine))
     tell("search", 0.0)
     (ours, theirs), sides, found = search_apart(
         (one, one), both, n_eigenpairs, progress, reflected=True
@@ -320,6 +318,10 @@ def _stays(sides: Sides, found: Candidate) -> bool:
         return True
     kept, among = kept_extremities(sides, found)
     return kept > _AXIAL and 2 * kept >= among and found.energy >= constants.FEATURES
+
+
+def _columns(refine: bool) -> int:
+    return WORKING_COLUMNS if refine else WORKING_COLUMNS // 2
 
 
 def check_partial(partial: str) -> None:

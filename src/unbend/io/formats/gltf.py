@@ -247,10 +247,9 @@ def _stored(accessor: dict[str, Any]) -> tuple[int | None, int]:
 
 def _shown(document: dict[str, Any]) -> list[int]:
     """Meshes that nodes of the shown scene place, as often as they do."""
-    nodes, number = document.get("nodes", []), document.get("scene", 0)
-    left = [
-        node for one in document.get("scenes", [])[number:][:1] for node in one.get("nodes", [])
-    ]
+    nodes, scene = document.get("nodes", []), document.get("scene", 0)
+    shown = document.get("scenes", [])[scene : scene + 1]  # none, if there is no such scene
+    left = [number for one in shown for number in one.get("nodes", [])]
     found: set[int] = set()
     while left:
         number = left.pop()
